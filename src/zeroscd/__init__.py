@@ -1,0 +1,74 @@
+"""zeroscd: what changed between two photos of the same street?
+
+>>> import zeroscd
+>>> sorted(zeroscd.__all__)[:3]
+['Alignment', 'ChangeResult', 'Detector']
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from zeroscd.detector import Detector, detect
+    from zeroscd.errors import (
+        DatasetError,
+        ImageError,
+        OutputError,
+        SettingsError,
+        WeightsError,
+        ZeroscdError,
+    )
+    from zeroscd.result import Alignment, ChangeResult, NotAligned, Photo, Region
+    from zeroscd.settings import PRESETS, Settings
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Alignment": "result",
+    "ChangeResult": "result",
+    "DatasetError": "errors",
+    "Detector": "detector",
+    "ImageError": "errors",
+    "NotAligned": "result",
+    "OutputError": "errors",
+    "PRESETS": "settings",
+    "Photo": "result",
+    "Region": "result",
+    "Settings": "settings",
+    "SettingsError": "errors",
+    "WeightsError": "errors",
+    "ZeroscdError": "errors",
+    "detect": "detector",
+}
+
+__all__ = [
+    "PRESETS",
+    "Alignment",
+    "ChangeResult",
+    "DatasetError",
+    "Detector",
+    "ImageError",
+    "NotAligned",
+    "OutputError",
+    "Photo",
+    "Region",
+    "Settings",
+    "SettingsError",
+    "WeightsError",
+    "ZeroscdError",
+    "detect",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name when it is first asked for, so that `import zeroscd` is cheap."""
+    if name in _HOME:
+        return getattr(import_module(f"zeroscd.{_HOME[name]}"), name)
+    message = f"module 'zeroscd' has no attribute {name!r}"
+    raise AttributeError(message)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

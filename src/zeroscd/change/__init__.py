@@ -1,0 +1,1 @@
+"""Stage 4: aligned descriptors to a coarse change map."""

@@ -1,0 +1,1 @@
+"""Stage 2: a photo to unit-length patch descriptors."""

@@ -1,0 +1,1 @@
+"""Data sets, metrics, published numbers and reports."""

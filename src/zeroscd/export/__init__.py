@@ -1,0 +1,1 @@
+"""What leaves the house: pictures, JSON, COCO, the one-file report."""

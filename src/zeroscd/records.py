@@ -1,0 +1,111 @@
+"""What flows between the stages of the method, frozen so that no stage edits another's work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from zeroscd.arrays import Descriptors, Map, Mask
+    from zeroscd.images.grid import PatchGrid
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureMap:
+    """Patch descriptors of one photo at one depth of an encoder.
+
+    Attributes:
+        descriptors: (rows, cols, d) float32, unit length along d.
+        grid: Where the patch centres lie, in pixels of the photo.
+    """
+
+    descriptors: Descriptors
+    grid: PatchGrid
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoarseChange:
+    """Where features disagree, before any outline is known; one photo's frame, its full size.
+
+    Attributes:
+        distance: (H, W) Euclidean distance of unit descriptors, 0..2; 0 where unknown.
+        changed: (H, W) the distance is above tau.
+        unknown: (H, W) the other photo does not show this place: neither changed nor unchanged.
+        tau: The threshold that was applied.
+    """
+
+    distance: Map
+    changed: Mask
+    unknown: Mask
+    tau: float
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One outline in one photo, kept as packed bits of its bounding box.
+
+    Attributes:
+        bbox_xywh: Left, top, width, height in whole pixels.
+        bits: The mask inside the box, row by row, packed eight pixels to a byte.
+        area_px: Number of pixels.
+    """
+
+    bbox_xywh: tuple[int, int, int, int]
+    bits: NDArray[np.uint8]
+    area_px: int
+
+    @classmethod
+    def from_mask(cls, mask: Mask, *, offset_xy: tuple[int, int] = (0, 0)) -> Segment | None:
+        """Pack a mask whose top left pixel lies at offset_xy; an empty mask gives None."""
+        rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        if rows.size == 0:
+            return None
+        y0, y1, x0, x1 = int(rows[0]), int(rows[-1]) + 1, int(cols[0]), int(cols[-1]) + 1
+        box = mask[y0:y1, x0:x1]
+        return cls(
+            (offset_xy[0] + x0, offset_xy[1] + y0, x1 - x0, y1 - y0),
+            np.packbits(box),
+            int(np.count_nonzero(box)),
+        )
+
+    @property
+    def window(self) -> tuple[slice, slice]:
+        """Rows and columns of the bounding box, to index an (H, W) array with."""
+        x, y, w, h = self.bbox_xywh
+        return slice(y, y + h), slice(x, x + w)
+
+    def crop(self) -> Mask:
+        """Return the mask inside the bounding box, (h, w) bool."""
+        _, _, w, h = self.bbox_xywh
+        return np.unpackbits(self.bits, count=w * h).reshape(h, w).astype(bool)
+
+    def mask(self, size_hw: tuple[int, int]) -> Mask:
+        """Return the mask over the whole photo, (H, W) bool."""
+        full = np.zeros(size_hw, dtype=bool)
+        full[self.window] = self.crop()
+        return full
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segments:
+    """All outlines that a segmenter offers for one photo; they may overlap and nest.
+
+    Attributes:
+        size_hw: Height and width of the photo.
+        items: The outlines, in a stable order.
+    """
+
+    size_hw: tuple[int, int]
+    items: tuple[Segment, ...]
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __iter__(self) -> Iterator[Segment]:
+        return iter(self.items)

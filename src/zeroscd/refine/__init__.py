@@ -1,0 +1,1 @@
+"""Stage 5b: outlines vote, are verified, and become regions."""

@@ -1,0 +1,1 @@
+"""Stage 5a: a photo to outlines of objects and their parts."""

@@ -1,0 +1,180 @@
+"""Every number of the method, with its meaning, unit and source; presets by name."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from zeroscd.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlignSettings:
+    """From correspondences to a homography (paper, steps 2 and 3)."""
+
+    matching: Literal["argmax", "mutual"] = "mutual"  # every row's best, or pairs that agree
+    inlier_patches: float = 1.25  # RANSAC tolerance in patch sides (paper)
+    min_inliers: int = 12  # fewer agreeing matches are no evidence
+    min_inlier_ratio: float = 0.1  # of the matches that RANSAC saw
+    seed: int = 0  # of RANSAC
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeSettings:
+    """From aligned descriptors to a coarse change map (paper, step 4)."""
+
+    tau: float | None = None  # distance above which a patch changed; none = the encoder's own
+    sampling: Literal["nearest", "bilinear"] = "bilinear"  # of descriptors between patches
+    search_radius: int = 1  # patches; the smallest distance in the neighbourhood counts
+    coarse_frames: Literal["t0", "both"] = "both"  # one map carried over, or one for each photo
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentSettings:
+    """How photos are cut into outlines (paper, step 5)."""
+
+    points_per_side: int = 32  # SAM's prompt grid (SAM's published default)
+    prompting: Literal["everything", "coarse"] = "coarse"  # prompt all, or only coarse change
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RefineSettings:
+    """From outlines that vote to confirmed changes (paper, step 5)."""
+
+    alpha: float = 0.8  # share of coarse change above which an outline is flagged (paper)
+    verify: Literal["overlap", "iou", "off"] = "iou"  # second check against the other photo
+    beta: float = 0.5  # overlap at which the other photo's outline refutes the change
+    min_area_px: int = 0  # smaller regions are dropped, in pixels of their photo
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """The whole method's settings: one frozen tree, every leaf with a name of its own."""
+
+    encoder: str = "lite"
+    segmenter: str = "lite"
+    frame: Literal["t0", "t1"] = "t1"  # the photo whose pixels the final mask is drawn in
+    align: AlignSettings = field(default_factory=AlignSettings)
+    change: ChangeSettings = field(default_factory=ChangeSettings)
+    segment: SegmentSettings = field(default_factory=SegmentSettings)
+    refine: RefineSettings = field(default_factory=RefineSettings)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain nested dictionaries, ready for JSON."""
+        return dataclasses.asdict(self)
+
+    def override(self, values: Mapping[str, object]) -> Settings:
+        """Return a copy with some leaves replaced, by leaf name.
+
+        Values may be text as typed on a command line. The name `rules` is a shorthand:
+        `rules=paper` sets every open point of the paper to its literal reading.
+
+        Raises:
+            SettingsError: An unknown name, or a value that the setting cannot take.
+
+        Example:
+            >>> Settings().override({"tau": "0.6", "verify": "off"}).change.tau
+            0.6
+        """
+        changed = self
+        for name, value in values.items():
+            if name == "rules":
+                changed = changed.override(_rules(str(value)))
+            else:
+                changed = _replace_leaf(changed, name, value)
+        return changed
+
+
+# The literal reading of every point that the paper leaves open (docs/method.md).
+PAPER_RULES: dict[str, object] = {
+    "matching": "argmax",
+    "sampling": "nearest",
+    "search_radius": 0,
+    "coarse_frames": "t0",
+    "verify": "overlap",
+    "beta": 0.5,
+    "alpha": 0.8,
+    "prompting": "everything",
+}
+
+PRESETS: dict[str, Settings] = {
+    "lite": Settings(),
+}
+
+
+def preset(name: str) -> Settings:
+    """Return the settings of a preset.
+
+    Raises:
+        SettingsError: No preset has this name.
+    """
+    try:
+        return PRESETS[name]
+    except KeyError:
+        message = f"unknown preset {name!r}; choose one of: {', '.join(PRESETS)}"
+        raise SettingsError(message) from None
+
+
+def leaf_names() -> tuple[str, ...]:
+    """Return the names that `override` accepts, in the order of the method."""
+    return ("rules", *_LEAVES)
+
+
+def _rules(name: str) -> Mapping[str, object]:
+    if name == "paper":
+        return PAPER_RULES
+    message = f"unknown rules {name!r}; choose: paper (the literal reading of the paper)"
+    raise SettingsError(message)
+
+
+def _walk(kind: type) -> dict[str, tuple[str | None, Any]]:
+    leaves: dict[str, tuple[str | None, Any]] = {}
+    for name, hint in get_type_hints(kind).items():
+        if dataclasses.is_dataclass(hint):
+            for leaf, leaf_hint in get_type_hints(hint).items():
+                leaves[leaf] = (name, leaf_hint)
+        else:
+            leaves[name] = (None, hint)
+    return leaves
+
+
+_LEAVES = _walk(Settings)
+
+
+def _replace_leaf(settings: Settings, name: str, value: object) -> Settings:
+    if name not in _LEAVES:
+        message = f"unknown setting {name!r}; known: {', '.join(leaf_names())}"
+        raise SettingsError(message)
+    branch, hint = _LEAVES[name]
+    parsed = _parse(name, value, hint)
+    if branch is None:
+        return dataclasses.replace(settings, **{name: parsed})
+    part = dataclasses.replace(getattr(settings, branch), **{name: parsed})
+    return dataclasses.replace(settings, **{branch: part})
+
+
+def _parse(name: str, value: object, hint: Any) -> object:  # noqa: ANN401 - a type annotation
+    if get_origin(hint) is Literal:
+        options = get_args(hint)
+        if value in options:
+            return value
+        message = f"setting {name} cannot be {value!r}; choose one of: {', '.join(options)}"
+        raise SettingsError(message)
+    if get_origin(hint) in (types.UnionType, Union):
+        if value is None or str(value).lower() == "none":
+            return None
+        hint = next(part for part in get_args(hint) if part is not type(None))
+    try:
+        number = hint(value)
+    except (TypeError, ValueError):
+        number = None
+    if number is None or (isinstance(number, float) and not math.isfinite(number)):
+        message = f"setting {name} needs a {hint.__name__}, not {value!r}"
+        raise SettingsError(message)
+    return number

@@ -1,0 +1,1 @@
+"""Model weights: what exists, where it lies, how it is fetched and read safely."""
