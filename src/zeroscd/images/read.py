@@ -1,0 +1,136 @@
+"""The door for photos: any source to an upright RGB array, or one line that says what is wrong."""
+
+from __future__ import annotations
+
+import io
+import stat
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from zeroscd.errors import ImageError
+from zeroscd.images.colours import rgb_from_array, rgb_from_picture
+from zeroscd.images.guard import guarded, libtiff_muted
+from zeroscd.result import Photo
+
+if TYPE_CHECKING:
+    from typing import Any, TypeAlias
+
+    from numpy.typing import NDArray
+
+    from zeroscd.arrays import Rgb
+
+    PhotoSource: TypeAlias = str | Path | bytes | Image.Image | NDArray[Any]
+
+# Pillow knows forty more, down to PostScript, which it would hand to another program.
+FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM")  # JPEG opens MPO too
+
+MEGA = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhotoLimits:
+    """What a photo may be at most and must be at least; checked before pixels are decoded."""
+
+    max_pixels: int = 89_478_485  # a quarter gigabyte of RGB; Pillow's own warning starts here
+    max_file_bytes: int = 2**28  # a quarter gigabyte: the same number of pixels, uncompressed
+    min_side_px: int = 32  # one patch of the coarsest stride that an encoder here has
+
+
+DEFAULT_LIMITS = PhotoLimits()
+
+
+def read_photo(source: PhotoSource, *, limits: PhotoLimits = DEFAULT_LIMITS) -> Photo:
+    """Read a photo as a person would see it: upright, in colour, transparency on white.
+
+    Args:
+        source: A path; a file's bytes; a Pillow picture, as it stands; or an array of shape
+            (H, W), (H, W, 3) or (H, W, 4), uint8 or uint16. Of an animation the first frame counts.
+        limits: Sizes beyond which the photo is refused.
+
+    Raises:
+        ImageError: The source is missing, unreadable, damaged, cut short, too large or too small.
+
+    Example:
+        >>> read_photo(np.full((32, 48), 65535, dtype=np.uint16)).pixels[0, 0]
+        array([255, 255, 255], dtype=uint8)
+    """
+    if isinstance(source, str | Path):
+        name = _one_line(str(source))
+        data = _read_file(Path(source), name, limits)
+        return Photo(pixels=_decode(data, name, limits), path=str(source))
+    if isinstance(source, bytes):
+        return Photo(pixels=_decode(source, "the photo given as bytes", limits))
+    if isinstance(source, Image.Image):
+        with guarded("the picture given"):
+            return Photo(pixels=_pixels(source, "the picture given", limits))
+    if isinstance(source, np.ndarray):
+        pixels = rgb_from_array(source, name="the array given")
+        _check_size((pixels.shape[1], pixels.shape[0]), "the array given", limits)
+        return Photo(pixels=pixels)
+    message = f"cannot read a photo from {type(source).__name__}; give a path, bytes or an array"
+    raise ImageError(message)
+
+
+def _one_line(path: str) -> str:
+    """Name a path so that no line break, control or invisible character of it gets through."""
+    return path if path and path.isprintable() else repr(path)
+
+
+def _read_file(path: Path, name: str, limits: PhotoLimits) -> bytes:
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISREG(mode):
+            with path.open("rb") as file:
+                return file.read(limits.max_file_bytes + 1)
+    except FileNotFoundError:
+        message = f"{name} does not exist; check the path"
+        raise ImageError(message) from None
+    except PermissionError as error:
+        message = f"{name} may not be read; change its permissions"
+        raise ImageError(message) from error
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        reason = getattr(error, "strerror", None) or error
+        message = f"{name} cannot be read ({reason}); check the path and the disk"
+        raise ImageError(message) from error
+    kind = "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
+    message = f"{name} is {kind}; give the file of a photo"
+    raise ImageError(message)
+
+
+def _decode(data: bytes, name: str, limits: PhotoLimits) -> Rgb:
+    if not data:
+        message = f"{name} is empty (0 bytes); copy or download it again"
+        raise ImageError(message)
+    if len(data) > limits.max_file_bytes:
+        most = limits.max_file_bytes / MEGA
+        message = f"{name} is larger than {most:.0f} megabytes; save it as JPEG or make it smaller"
+        raise ImageError(message)
+    with guarded(name), Image.open(io.BytesIO(data), formats=FORMATS) as picture:
+        return _pixels(picture, name, limits)
+
+
+def _pixels(picture: Image.Image, name: str, limits: PhotoLimits) -> Rgb:
+    _check_size(picture.size, name, limits)
+    with libtiff_muted() if picture.format == "TIFF" else nullcontext():
+        return rgb_from_picture(picture, name=name)
+
+
+def _check_size(size_wh: tuple[int, int], name: str, limits: PhotoLimits) -> None:
+    width, height = size_wh
+    if width * height > limits.max_pixels:
+        most = limits.max_pixels / MEGA
+        message = (
+            f"{name} has {width} x {height} pixels; make it smaller than {most:.0f} megapixels"
+        )
+        raise ImageError(message)
+    if min(size_wh) < limits.min_side_px:
+        least = limits.min_side_px
+        message = (
+            f"{name} has {width} x {height} pixels; give a photo of at least {least} x {least}"
+        )
+        raise ImageError(message)
