@@ -1,0 +1,87 @@
+"""`zeroscd ablate`: what a setting is worth on a data set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from zeroscd.cli.console import say, warn
+from zeroscd.cli.evaluate import DatasetName, DatasetRoot, Figures, Limit, show_dataset
+from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
+
+if TYPE_CHECKING:
+    from zeroscd.evaluation.run import Detects
+    from zeroscd.models import Models
+    from zeroscd.settings import Settings
+
+
+def ablate(
+    dataset: DatasetName,
+    root: DatasetRoot,
+    out: OutFolder,
+    over: Annotated[
+        list[str], typer.Option(help="tau=0.5:0.7:0.05 or encoder=a,b; several are combined.")
+    ],
+    preset: Preset = "lite",
+    limit: Limit = None,
+    settings: Overrides = None,
+    device: Device = "auto",
+    figures: Figures = False,
+    cache_gb: Annotated[float, typer.Option(min=0.1, help="Most space of the cache.")] = 20.0,
+) -> None:
+    """Score many settings on a data set, computing features and outlines once.
+
+    Prints a table, and writes OUT/ablation.json and OUT/report.html with the curve beside the
+    paper's. An ablation that was stopped continues when the same command is given again.
+    """
+    from zeroscd.cli.progress import Bar
+    from zeroscd.evaluation.ablation.grid import parse_axis
+    from zeroscd.evaluation.ablation.run import Plan
+    from zeroscd.evaluation.ablation.run import ablate as run_ablation
+    from zeroscd.evaluation.ablation.store import GIBIBYTE
+    from zeroscd.evaluation.datasets.catalogue import open_dataset
+    from zeroscd.evaluation.report.ablation_page import ablation_page
+    from zeroscd.evaluation.report.figures import check_figures, write_figures
+    from zeroscd.settings import preset as preset_settings
+
+    if figures:
+        check_figures()
+    plan = Plan(
+        settings=preset_settings(preset).override(parse_overrides(settings)),
+        axes=tuple(parse_axis(text) for text in over),
+        out=out,
+        cache_bytes=int(cache_gb * GIBIBYTE),
+    )
+    found = open_dataset(dataset, root).first(limit)
+    show_dataset(found)
+    try:
+        with Bar() as bar:
+            points = run_ablation(found, plan, _Workshop(preset, device), progress=bar)
+    except KeyboardInterrupt:
+        warn(f"stopped; give the same command again to continue in {out}")
+        raise
+    page = ablation_page(plan.axes, points)
+    report = page.write(out)
+    if figures:
+        write_figures(out, charts=page.charts)
+    for table in page.tables:
+        typer.echo(table.to_text())
+    say(f"report: {report}")
+
+
+@dataclass(frozen=True)
+class _Workshop:
+    preset: str
+    device: str
+
+    def load(self, settings: Settings) -> Models:
+        from zeroscd.models import load_models
+
+        return load_models(settings, device=self.device)
+
+    def build(self, settings: Settings, models: Models) -> Detects:
+        from zeroscd.detector import Detector
+
+        return Detector(settings, models, preset=self.preset)

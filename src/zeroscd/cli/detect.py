@@ -1,0 +1,96 @@
+"""`zeroscd detect`: what changed between two photos."""
+
+from __future__ import annotations
+
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from zeroscd.cli.console import busy, say, warn
+from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
+from zeroscd.export.folder import REPORT, check_target
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from zeroscd.result import ChangeResult
+
+
+def detect(
+    before: Annotated[Path, typer.Argument(metavar="BEFORE", help="The earlier photo (t0).")],
+    after: Annotated[
+        Path, typer.Argument(metavar="AFTER", help="The later photo (t1) of the same place.")
+    ],
+    out: OutFolder,
+    preset: Preset = "lite",
+    frame: Annotated[
+        Literal["t0", "t1"] | None,
+        typer.Option(help="The photo the mask is drawn in; the preset's own if not given."),
+    ] = None,
+    settings: Overrides = None,
+    device: Device = "auto",
+) -> None:
+    """Find what changed between two photos of the same place.
+
+    Writes masks, an overlay, changes.json and report.html into OUT.
+
+    Example: zeroscd detect before.jpg after.jpg -o changes --set tau=0.6
+    """
+    overrides: dict[str, object] = {**parse_overrides(settings)}
+    if frame is not None:
+        overrides["frame"] = frame
+    check_request(preset, overrides, out=out)
+    result = compare(before, after, preset=preset, device=device, overrides=overrides)
+    save_and_tell(result, out)
+
+
+def check_request(preset: str, overrides: Mapping[str, object], *, out: Path) -> None:
+    """Refuse what cannot work before anything slow is imported or read.
+
+    Raises:
+        SettingsError: The preset or a setting is not known.
+        OutputError: The folder can never be written.
+    """
+    from zeroscd.settings import preset as named
+
+    named(preset).override(overrides)
+    check_target(out)
+
+
+def compare(
+    before: Path, after: Path, *, preset: str, device: str, overrides: Mapping[str, object]
+) -> ChangeResult:
+    """Read both photos, load the networks and find the changes.
+
+    Raises:
+        ImageError: A photo cannot be read.
+    """
+    from zeroscd.images.read import read_photo
+
+    with busy("reading the photos"):
+        # Read twice, but a photo that is no good is refused before the networks are loaded.
+        for path in (before, after):
+            read_photo(path)
+    with busy("loading the networks"):
+        from zeroscd.detector import Detector
+
+        detector = Detector.from_preset(preset, device=device, overrides=overrides)
+    with busy("comparing"):
+        return detector.detect(before, after)
+
+
+def save_and_tell(result: ChangeResult, out: Path) -> None:
+    """Write the result and print what was found and where it lies.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    with busy("writing"):
+        result.save(out)
+    from zeroscd.export import words
+
+    for text in words.warnings(result):
+        warn(text)
+    say(words.summary(result))
+    say(f"report: {out / REPORT}")

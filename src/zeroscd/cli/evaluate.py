@@ -1,0 +1,110 @@
+"""`zeroscd evaluate`: score a preset on a data set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from zeroscd.cli.console import say, warn
+from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from zeroscd.evaluation.datasets.port import Dataset
+    from zeroscd.evaluation.run import Run
+
+DatasetName = Annotated[
+    str, typer.Argument(metavar="DATASET", help="folder, vl-cmu-cd, pcd2015-tsunami, ...")
+]
+DatasetRoot = Annotated[Path, typer.Argument(metavar="ROOT", help="Where the data set lies.")]
+Figures = Annotated[
+    bool, typer.Option("--figures", help="Also write charts and panels as PNG and PDF.")
+]
+Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N pairs.")]
+
+
+def evaluate(
+    dataset: DatasetName,
+    root: DatasetRoot,
+    out: OutFolder,
+    preset: Preset = "lite",
+    limit: Limit = None,
+    settings: Overrides = None,
+    device: Device = "auto",
+    show: Annotated[
+        list[str] | None, typer.Option(help="Show this pair in the report; may be repeated.")
+    ] = None,
+    swap: Annotated[
+        bool, typer.Option("--swap", help="Also swap the photos: temporal consistency.")
+    ] = False,
+    figures: Figures = False,
+) -> None:
+    """Score a preset on a data set; writes OUT/scores.json and OUT/report.html.
+
+    An evaluation that was stopped continues where it was when the same command is given again.
+    """
+    from zeroscd.cli.progress import Bar
+    from zeroscd.evaluation.datasets.catalogue import open_dataset
+    from zeroscd.evaluation.report.figures import check_figures, write_figures
+    from zeroscd.evaluation.report.page import score_page
+    from zeroscd.evaluation.report.panels import check_chosen
+    from zeroscd.evaluation.run import evaluate as run_evaluation
+
+    found = open_dataset(dataset, root).first(limit)
+    check_chosen(found, show or [])
+    if figures:
+        check_figures()
+    show_dataset(found)
+    run = make_run(
+        found, out, preset=preset, device=device, overrides=parse_overrides(settings), swap=swap
+    )
+    try:
+        with Bar() as bar:
+            scores = run_evaluation(found, run, progress=bar)
+    except KeyboardInterrupt:
+        warn(f"stopped; give the same command again to continue in {out}")
+        raise
+    page = score_page(scores, out, chosen=show or [])
+    report = page.write(out)
+    if figures:
+        write_figures(out, charts=page.charts, panels=page.panels)
+    for table in reversed(page.tables):
+        typer.echo(table.to_text())
+    say(f"report: {report}")
+
+
+def make_run(
+    dataset: Dataset,
+    out: Path,
+    *,
+    preset: str,
+    device: str,
+    overrides: Mapping[str, object],
+    swap: bool,
+) -> Run:
+    """Load a detector for the frame of a data set's masks, and one for swapped photos if asked."""
+    from zeroscd.detector import Detector
+    from zeroscd.evaluation.run import Run
+
+    detector = Detector.from_preset(
+        preset, device=device, overrides={"frame": dataset.frame, **overrides}
+    )
+    other = {"t0": "t1", "t1": "t0"}[dataset.frame]
+    back = Detector(
+        detector.settings.override({"frame": other}), detector.models, preset=detector.preset
+    )
+    return Run(detector=detector, out=out, swapped=back if swap else None)
+
+
+def show_dataset(dataset: Dataset) -> None:
+    """Print on stderr which data set and layout was found."""
+    typer.echo(
+        f"{dataset.name}: {len(dataset.pairs)} pairs, {dataset.layout}, "
+        f"masks in the {dataset.frame} frame",
+        err=True,
+    )
+    for note in dataset.notes:
+        typer.echo(f"note: {note}", err=True)

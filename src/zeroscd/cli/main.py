@@ -1,0 +1,85 @@
+"""The `zeroscd` command: one file a subcommand, and one way to fail."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from zeroscd import __version__
+from zeroscd.cli import models
+from zeroscd.cli.ablate import ablate
+from zeroscd.cli.console import fail
+from zeroscd.cli.demo import demo
+from zeroscd.cli.detect import detect
+from zeroscd.cli.evaluate import evaluate
+from zeroscd.errors import ZeroscdError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+USER_ERROR = 2
+INTERRUPTED = 130  # 128 + SIGINT, as shells count
+CLOSED_PIPE = 1  # Python's own convention
+
+app = typer.Typer(
+    name="zeroscd",
+    help="What changed between two photos of the same street?",
+    epilog="Start with `zeroscd demo`; then `zeroscd detect before.jpg after.jpg -o changes`.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command()(demo)
+app.command()(detect)
+app.command()(evaluate)
+app.command()(ablate)
+app.add_typer(models.app, name="models")
+
+
+def main() -> None:
+    """Run the command line of this process and exit: 0 done, 2 user error, 130 interrupted."""
+    try:
+        code = run(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever read stdout has gone; Python would complain again when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = CLOSED_PIPE
+    sys.exit(code)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit code; what a user got wrong becomes one line."""
+    try:
+        code = app(args=list(arguments), prog_name="zeroscd", standalone_mode=False)
+    except ZeroscdError as error:
+        fail(str(error))
+        return USER_ERROR
+    except typer.TyperException as error:
+        # pydantic, inside typer, puts its own kind of error first.
+        reason = error.format_message().replace("Value error, ", "") or "Missing command."
+        fail(f"{reason.rstrip('.')}; see `zeroscd --help`")
+        return USER_ERROR
+    except (KeyboardInterrupt, typer.Abort):
+        return INTERRUPTED
+    return int(code or 0)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"zeroscd {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())

@@ -1,0 +1,129 @@
+"""`zeroscd models`: which weights exist, which are here, and how to get the others."""
+
+from __future__ import annotations
+
+from pathlib import Path  # noqa: TC003 - typer reads the annotation when it runs
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from zeroscd.errors import WeightsError
+from zeroscd.weights.catalogue import CATALOGUE, find
+from zeroscd.weights.fetch import adopt, fetch
+from zeroscd.weights.store import is_present, path_of, weights_folder
+from zeroscd.weights.verify import digest_of, fault_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.progress import Progress
+
+    from zeroscd.weights.catalogue import WeightFile
+    from zeroscd.weights.fetch import Progress as Listener
+
+app = typer.Typer(help="Model weights: list, fetch, path, verify.", no_args_is_help=True)
+
+Names = Annotated[list[str], typer.Argument(help="Names from `zeroscd models list`.")]
+
+COLUMNS = ("name", "for", "MB", "licence", "here", "note")
+
+
+@app.command("list")
+def list_models() -> None:
+    """List the weights that zeroscd knows, and whether they are on this computer."""
+    table = [COLUMNS, *(_cells(row) for row in CATALOGUE.values())]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for cells in table:
+        line = "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
+        typer.echo(line.rstrip())
+    typer.echo(f"\nfolder: {weights_folder()}")
+
+
+@app.command("fetch")
+def fetch_models(
+    names: Names,
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", help="Import this file, which you already have.", exists=True),
+    ] = None,
+) -> None:
+    """Download weights, verify them and put them in place; --from imports a file instead."""
+    rows = [find(name) for name in names]
+    if source is not None and len(rows) != 1:
+        message = f"--from imports one file for one name, not {len(rows)}"
+        raise WeightsError(message)
+    with _bars() as bars:
+        for row in rows:
+            listener = _listener(bars, row)
+            path = (
+                fetch(row, progress=listener)
+                if source is None
+                else adopt(row, source, progress=listener)
+            )
+            typer.echo(path)
+    for row in rows:
+        _confess(row)
+
+
+@app.command("path")
+def show_path(name: Annotated[str, typer.Argument(help="A name from the list.")]) -> None:
+    """Print where the file of some weights is, or will be."""
+    typer.echo(path_of(find(name)))
+
+
+@app.command("verify")
+def verify_models(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="All that are here, if left out.")
+    ] = None,
+) -> None:
+    """Compute the SHA-256 of weights on this computer and compare it with the published one."""
+    rows = [find(name) for name in names] if names else list(_present())
+    for row in rows:
+        path = path_of(row)
+        if fault := fault_of(path, row):
+            message = f"{path} {fault}; delete it and run `{row.fetch_command}`"
+            raise WeightsError(message)
+        typer.echo(f"{row.name}  {'as published' if row.sha256 else 'no digest published'}  {path}")
+        _confess(row)
+
+
+def _present() -> Iterator[WeightFile]:
+    return (row for row in CATALOGUE.values() if is_present(row))
+
+
+def _cells(row: WeightFile) -> tuple[str, ...]:
+    size = "?" if row.size_bytes is None else f"{row.size_bytes / 1e6:.0f}"
+    here = "yes" if is_present(row) else "no"
+    return row.name, row.kind, size, row.licence, here, row.note
+
+
+def _confess(row: WeightFile) -> None:
+    """Say on stderr what could not be checked."""
+    if not row.sha256:
+        digest = digest_of(path_of(row))
+        typer.echo(
+            f"{row.name}: nobody published a digest; this file's sha256 is {digest}", err=True
+        )
+
+
+def _bars() -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+        console=Console(stderr=True),
+    )
+
+
+def _listener(bars: Progress, row: WeightFile) -> Listener:
+    task = bars.add_task(row.name, total=row.size_bytes)
+
+    def listen(done_bytes: int, total_bytes: int | None) -> None:
+        bars.update(task, completed=done_bytes, total=total_bytes)
+
+    return listen

@@ -1,0 +1,40 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from zeroscd.errors import SettingsError
+
+Preset = Annotated[str, typer.Option(help="Named settings to start from.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
+]
+Device = Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where the networks run.")]
+OutFolder = Annotated[
+    Path, typer.Option("--out", "-o", metavar="OUT", help="Folder for the results.")
+]
+
+
+def parse_overrides(pairs: list[str] | None) -> dict[str, str]:
+    """Split every KEY=VALUE of the command line.
+
+    Raises:
+        SettingsError: There is no "=" in it.
+
+    Example:
+        >>> parse_overrides(["tau=0.6", "verify = off"])
+        {'tau': '0.6', 'verify': 'off'}
+    """
+    found: dict[str, str] = {}
+    for pair in pairs or []:
+        name, equals, value = pair.partition("=")
+        if not equals:
+            message = f"--set needs KEY=VALUE, for example --set tau=0.6, not {pair!r}"
+            raise SettingsError(message)
+        found[name.strip()] = value.strip()
+    return found

@@ -1,0 +1,61 @@
+"""`changes.json`: the result as other programs read it."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from zeroscd.result import Alignment, NotAligned
+
+if TYPE_CHECKING:
+    from zeroscd.result import ChangeResult, Photo, Region
+
+SCHEMA = 1
+
+
+def changes_json(result: ChangeResult) -> bytes:
+    """Write a result as JSON text; only `seconds`, the last entry, differs between runs."""
+    return (json.dumps(changes(result), indent=1, allow_nan=False) + "\n").encode("ascii")
+
+
+def changes(result: ChangeResult) -> dict[str, Any]:
+    """Return the content of `changes.json` as plain values."""
+    return {
+        "schema": SCHEMA,
+        "before": _photo(result.before),
+        "after": _photo(result.after),
+        "frame": result.frame,
+        "preset": result.preset,
+        "settings": result.settings.to_dict(),
+        "alignment": _alignment(result.alignment),
+        "changed_fraction": float(result.changed_fraction),
+        "regions": [_region(region) for region in result.regions],
+        "seconds": {stage: float(value) for stage, value in result.seconds.items()},
+    }
+
+
+def _photo(photo: Photo) -> dict[str, Any]:
+    height, width = photo.size_hw
+    return {"path": photo.path, "width": width, "height": height}
+
+
+def _alignment(alignment: Alignment | NotAligned) -> dict[str, Any]:
+    return {
+        "t1_from_t0": (alignment.t1_from_t0.tolist() if isinstance(alignment, Alignment) else None),
+        "inliers": int(alignment.inliers),
+        "matches": int(alignment.matches),
+        "reason": alignment.reason if isinstance(alignment, NotAligned) else None,
+    }
+
+
+def _region(region: Region) -> dict[str, Any]:
+    return {
+        "id": int(region.id),
+        "kind": region.kind,
+        "score": float(region.score),
+        "area_px": int(region.area_px),
+        "bbox_xywh": [int(value) for value in region.bbox_xywh],
+        "polygon_xy": [[[int(x), int(y)] for x, y in ring] for ring in region.polygon_xy],
+        "rle": dict(region.rle),
+        "frame": region.frame,
+    }

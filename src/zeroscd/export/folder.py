@@ -1,0 +1,124 @@
+"""Write a result into a folder: all of its files or none."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zeroscd.errors import OutputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from zeroscd.result import ChangeResult
+
+REPORT = "report.html"
+
+
+def save_result(result: ChangeResult, folder: str | Path) -> None:
+    """Write the masks, the pictures, `changes.json` and `report.html` into a folder.
+
+    Missing folders are made; other files in an existing folder stay as they are.
+
+    Raises:
+        OutputError: The folder cannot be written; nothing of this result is then in it.
+    """
+    from zeroscd.export.changes import changes_json  # noqa: PLC0415 - these import OpenCV, and
+    from zeroscd.export.overlay import draw_overlay  # noqa: PLC0415 - `check_target` must be
+    from zeroscd.export.pictures import png  # noqa: PLC0415 - quick to say no
+    from zeroscd.export.report import render_report  # noqa: PLC0415
+
+    write_together(
+        Path(folder),
+        {
+            "mask.png": png(result.mask),
+            "removed.png": png(result.removed),
+            "added.png": png(result.added),
+            "unknown.png": png(result.unknown),
+            "overlay.png": png(draw_overlay(result)),
+            REPORT: render_report(result).encode("utf-8", "replace"),
+            "changes.json": changes_json(result),
+        },
+    )
+
+
+def check_target(folder: Path) -> None:
+    """Refuse, before any work is done, a folder that can never be written.
+
+    Raises:
+        OutputError: It is a file, lies below one, or may not be written to.
+    """
+    nearest = _existing_part(folder)
+    if not nearest.is_dir():
+        message = f"cannot write {folder}: {nearest} is not a folder; choose another folder"
+        raise OutputError(message)
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        message = (
+            f"cannot write {folder}: no permission to write in {nearest}; choose another folder"
+        )
+        raise OutputError(message)
+
+
+def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder so that either all appear or nothing changes.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    check_target(folder)
+    existing = _existing_part(folder)
+    stage = existing / f".zeroscd-{uuid.uuid4().hex[:8]}.part"
+    try:
+        inner = stage / folder.relative_to(existing)
+        inner.mkdir(parents=True)
+        for name, content in files.items():
+            (inner / name).write_bytes(content)
+        if inner == stage:
+            _move_into(folder, stage, list(files))
+        else:
+            missing = folder.relative_to(existing).parts[0]
+            (stage / missing).rename(existing / missing)
+    except OSError as error:
+        message = (
+            f"cannot write {folder}: {error.strerror or error}; make room or choose another folder"
+        )
+        raise OutputError(message) from error
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+
+
+def _existing_part(folder: Path) -> Path:
+    """Return the folder itself, or the nearest thing above it that exists."""
+    return next(part for part in (folder, *folder.parents) if os.path.lexists(part))
+
+
+def _move_into(folder: Path, stage: Path, names: list[str]) -> None:
+    """Put staged files in place of their namesakes; put all of those back if one cannot move."""
+    replaced = stage / "replaced"
+    replaced.mkdir()
+    placed: list[str] = []
+    try:
+        for name in names:
+            _refuse_folder(folder / name)
+            if (folder / name).exists():
+                (folder / name).rename(replaced / name)
+            placed.append(name)
+            (stage / name).rename(folder / name)
+    except BaseException:
+        for name in placed:
+            _put_back(folder / name, replaced / name)
+        raise
+
+
+def _refuse_folder(path: Path) -> None:
+    if path.is_dir():
+        raise IsADirectoryError(None, f"{path.name} in it is a folder", str(path))
+
+
+def _put_back(path: Path, old: Path) -> None:
+    path.unlink(missing_ok=True)
+    if old.exists():
+        old.rename(path)

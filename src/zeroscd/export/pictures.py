@@ -1,0 +1,46 @@
+"""Pixels to the bytes of picture files, the same bytes each time."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from zeroscd.arrays import Mask, Rgb
+
+
+def png(pixels: Rgb | Mask | NDArray[np.uint8]) -> bytes:
+    """Write a picture as PNG; a mask becomes 8-bit grey, 0 or 255.
+
+    Args:
+        pixels: (H, W) bool, (H, W, 3) or (H, W, 4) uint8.
+    """
+    if pixels.dtype == np.bool_:
+        pixels = pixels.astype(np.uint8) * np.uint8(255)
+    return _encoded(pixels, "PNG")
+
+
+def jpeg_uri(pixels: Rgb, *, quality: int) -> str:
+    """Write a photo as a JPEG inside an address, for a page that must stand alone."""
+    return _uri(_encoded(pixels, "JPEG", quality=quality), "image/jpeg")
+
+
+def png_uri(pixels: Rgb | Mask | NDArray[np.uint8]) -> str:
+    """Write a picture as a PNG inside an address."""
+    return _uri(png(pixels), "image/png")
+
+
+def _encoded(pixels: NDArray[np.generic], kind: str, **options: int) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, kind, **options)
+    return buffer.getvalue()
+
+
+def _uri(content: bytes, media_type: str) -> str:
+    return f"data:{media_type};base64,{base64.b64encode(content).decode('ascii')}"

@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import pytest
+
+from zeroscd.cli.console import busy, fail, one_line, say, warn
+
+if TYPE_CHECKING:
+    from typing import Never
+
+
+def test_results_go_to_stdout_and_the_rest_to_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    say("found")
+    warn("careful")
+    fail("broken")
+    captured = capsys.readouterr()
+    assert captured.out == "found\n"
+    assert captured.err == "warning: careful\nerror: broken\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "safe"),
+    [
+        ("straße 日本.jpg", "straße 日本.jpg"),
+        ("two\nlines\tand   gaps", "two lines and gaps"),
+        ("\x1b]0;title\x07", "\\x1b]0;title\\x07"),
+        ("\u202egpj.exe", "\\u202egpj.exe"),
+        ("\udcff", "\\udcff"),
+    ],
+)
+def test_text_becomes_one_safe_line(text: str, safe: str) -> None:
+    assert one_line(text) == safe
+
+
+def test_progress_is_silent_where_nobody_watches(capsys: pytest.CaptureFixture[str]) -> None:
+    with busy("comparing"):
+        pass
+    assert capsys.readouterr() == ("", "")
+
+
+def test_progress_is_shown_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    with busy("comparing"):
+        pass
+    assert "comparing" in screen.getvalue()
+
+
+def test_a_failure_passes_through_progress() -> None:
+    def work() -> Never:
+        raise KeyError
+
+    with pytest.raises(KeyError), busy("comparing"):
+        work()

@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from zeroscd.cli.main import run
+from zeroscd.cli.options import parse_overrides
+from zeroscd.errors import SettingsError, WeightsError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import Protocol
+
+    class Toy(Protocol):
+        requests: list[tuple[str, str, dict[str, object]]]
+        failure: BaseException | None
+
+
+@pytest.fixture
+def command(photos: tuple[Path, Path], tmp_path: Path) -> list[str]:
+    return ["detect", *map(str, photos), "-o", str(tmp_path / "out")]
+
+
+def test_a_comparison_writes_its_files_and_says_where(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(command) == 0
+    out = tmp_path / "out"
+    captured = capsys.readouterr()
+    assert captured.out.splitlines() == [
+        "1 region added; 4.2 % of the visible scene changed",
+        f"report: {out / 'report.html'}",
+    ]
+    with Image.open(out / "mask.png") as mask:
+        assert np.asarray(mask)[10:20, 30:40].min() == 255
+        assert np.asarray(mask).sum() == 100 * 255
+    assert json.loads((out / "changes.json").read_text())["before"]["path"] == command[1]
+
+
+def test_photos_that_were_not_aligned_are_a_warning_on_stderr(
+    command: list[str], toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(command) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: The photos could not be aligned: the toy never aligns.")
+
+
+def test_options_reach_the_detector(command: list[str], toy_detector: Toy) -> None:
+    options = ["--set", "tau=0.6", "--set", "frame=t1", "--frame", "t0", "--device", "cpu"]
+    assert run([*command, *options]) == 0
+    assert toy_detector.requests == [("lite", "cpu", {"tau": "0.6", "frame": "t0"})]
+
+
+def test_without_options_the_preset_decides(command: list[str], toy_detector: Toy) -> None:
+    assert run(command) == 0
+    assert toy_detector.requests == [("lite", "auto", {})]
+
+
+def test_an_unreadable_photo_is_refused_before_the_networks_are_loaded(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "after.png").write_bytes(b"")
+    assert run(command) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("error: ")
+    assert captured.err.count("\n") == 1
+    assert "after.png" in captured.err
+    assert toy_detector.requests == []
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "line"),
+    [
+        (KeyboardInterrupt(), 130, ""),
+        (WeightsError("damaged;\nfetch again"), 2, "error: damaged; fetch again\n"),
+    ],
+)
+def test_a_comparison_that_stops_leaves_nothing_behind(
+    command: list[str],
+    tmp_path: Path,
+    toy_detector: Toy,
+    capsys: pytest.CaptureFixture[str],
+    failure: BaseException,
+    code: int,
+    line: str,
+) -> None:
+    toy_detector.failure = failure
+    assert run(command) == code
+    assert capsys.readouterr() == ("", line)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["after.png", "before.png"]
+
+
+def test_a_bug_is_not_dressed_up_as_a_user_error(command: list[str], toy_detector: Toy) -> None:
+    toy_detector.failure = ZeroDivisionError("ours")
+    with pytest.raises(ZeroDivisionError, match="ours"):
+        run(command)
+
+
+def test_overrides_split_at_the_first_equals_sign() -> None:
+    assert parse_overrides(["a=b=c", " d = "]) == {"a": "b=c", "d": ""}
+    assert parse_overrides(None) == {}
+    with pytest.raises(SettingsError, match="not 'tau'"):
+        parse_overrides(["tau"])

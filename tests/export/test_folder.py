@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import errno
+import json
+import resource
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from zeroscd.errors import OutputError
+from zeroscd.export.folder import check_target, save_result, write_together
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from zeroscd.result import ChangeResult
+
+PROMISED = {
+    "mask.png",
+    "removed.png",
+    "added.png",
+    "unknown.png",
+    "overlay.png",
+    "report.html",
+    "changes.json",
+}
+
+
+def everything_below(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+def fail_at(monkeypatch: pytest.MonkeyPatch, method: str, number: int) -> None:
+    """Let the n-th call of a Path method fail as on a full disk."""
+    real, calls = getattr(Path, method), []
+
+    def failing(self: Path, *args: object) -> object:
+        calls.append(self)
+        if len(calls) == number:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(self, *args)
+
+    monkeypatch.setattr(Path, method, failing)
+
+
+@pytest.fixture
+def tiny_files_only() -> Iterator[None]:
+    """The kernel refuses files above 4 kB in this process: a real failing write."""
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, old[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_exactly_the_promised_files_are_written(result: ChangeResult, tmp_path: Path) -> None:
+    result.save(tmp_path / "out")
+    assert everything_below(tmp_path) == {"out", *(f"out/{name}" for name in PROMISED)}
+
+
+@pytest.mark.parametrize("name", ["mask", "removed", "added", "unknown"])
+def test_masks_are_8_bit_grey_0_or_255(result: ChangeResult, tmp_path: Path, name: str) -> None:
+    result.save(tmp_path)
+    with Image.open(tmp_path / f"{name}.png") as picture:
+        assert picture.mode == "L"
+        assert np.array_equal(np.asarray(picture), np.where(getattr(result, name), 255, 0))
+
+
+def test_two_runs_differ_in_their_seconds_only(result: ChangeResult, tmp_path: Path) -> None:
+    result.save(tmp_path / "a")
+    replace(result, seconds={"features": 9.0, "segments": 8.0}).save(tmp_path / "b")
+    for name in PROMISED - {"changes.json"}:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    first, second = (
+        (tmp_path / run / "changes.json").read_text().split('"seconds"') for run in "ab"
+    )
+    assert first[0] == second[0]
+    assert json.loads("{" + first[1].partition("{")[2].rpartition("}")[0]) == result.seconds
+
+
+def test_missing_folders_above_are_made(result: ChangeResult, tmp_path: Path) -> None:
+    save_result(result, str(tmp_path / "a" / "b"))
+    assert everything_below(tmp_path / "a" / "b") == PROMISED
+
+
+def test_in_an_existing_folder_only_our_own_files_are_replaced(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("keep")
+    (tmp_path / "a").write_text("old")
+    write_together(tmp_path, {"a": b"new", "b": b"also new"})
+    assert everything_below(tmp_path) == {"mine.txt", "a", "b"}
+    assert [(tmp_path / name).read_text() for name in ("mine.txt", "a")] == ["keep", "new"]
+
+
+def test_a_relative_folder_is_made_in_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_together(Path("out"), {"a": b"x"})
+    write_together(Path(), {"b": b"y"})
+    assert everything_below(tmp_path) == {"out", "out/a", "b"}
+
+
+@pytest.mark.parametrize("below", ["", "deeper/still"])
+def test_a_file_in_the_way_is_refused_and_stays(tmp_path: Path, below: str) -> None:
+    (tmp_path / "out").write_text("a file")
+    with pytest.raises(OutputError, match=r"out is not a folder; choose another folder$"):
+        write_together(tmp_path / "out" / below, {"a": b"x"})
+    assert (tmp_path / "out").read_text() == "a file"
+    assert everything_below(tmp_path) == {"out"}
+
+
+def test_a_folder_without_permission_is_refused_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Who runs the tests as root may write anywhere, so the answer of the system is played.
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(OutputError, match=f"no permission to write in {tmp_path}"):
+        check_target(tmp_path / "out")
+
+
+@pytest.mark.parametrize("folder", ["new", "new/deeper", "."])
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_a_disk_that_fills_up_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, number: int
+) -> None:
+    (tmp_path / "b").write_text("old")
+    fail_at(monkeypatch, "write_bytes", number)
+    with pytest.raises(OutputError, match=r"No space left on device; make room"):
+        write_together(tmp_path / folder, {"a": b"1", "b": b"2", "c": b"3"})
+    assert everything_below(tmp_path) == {"b"}
+    assert (tmp_path / "b").read_text() == "old"
+
+
+def test_a_write_that_the_system_cuts_short_leaves_nothing_behind(
+    result: ChangeResult, tmp_path: Path, tiny_files_only: None
+) -> None:
+    with pytest.raises(OutputError, match="File too large"):
+        result.save(tmp_path / "out")
+    assert everything_below(tmp_path) == set()
+
+
+@pytest.mark.parametrize("number", range(1, 6))
+def test_a_move_that_fails_puts_the_old_files_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    for name in "ab":
+        (tmp_path / name).write_text(f"old {name}")
+    with monkeypatch.context() as patched:
+        fail_at(patched, "rename", number)
+        with pytest.raises(OutputError):
+            write_together(tmp_path, {"a": b"new", "b": b"new", "c": b"new"})
+    assert everything_below(tmp_path) == {"a", "b"}
+    assert [(tmp_path / name).read_text() for name in "ab"] == ["old a", "old b"]
+
+
+def test_a_folder_where_a_file_belongs_is_refused_and_nothing_changes(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    (tmp_path / "b").mkdir()
+    with pytest.raises(OutputError, match="b in it is a folder"):
+        write_together(tmp_path, {"a": b"new", "b": b"new"})
+    assert (tmp_path / "a").read_text() == "old"
+    assert everything_below(tmp_path) == {"a", "b"}
