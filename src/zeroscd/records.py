@@ -23,10 +23,12 @@ class FeatureMap:
     Attributes:
         descriptors: (rows, cols, d) float32, unit length along d.
         grid: Where the patch centres lie, in pixels of the photo.
+        source: Encoder and depth, for stages that were trained on them.
     """
 
     descriptors: Descriptors
     grid: PatchGrid
+    source: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

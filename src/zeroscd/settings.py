@@ -21,7 +21,8 @@ class AlignSettings:
     matching: Literal["argmax", "mutual"] = "mutual"  # every row's best, or pairs that agree
     inlier_patches: float = 1.25  # RANSAC tolerance in patch sides (paper)
     min_inliers: int = 12  # fewer agreeing matches are no evidence
-    min_inlier_ratio: float = 0.1  # of the matches that RANSAC saw
+    min_inlier_ratio: float = 0.08  # of the matches that RANSAC saw
+    refine_radius: int = 3  # cells searched on each finer feature map to sharpen the homography
     seed: int = 0  # of RANSAC
 
 
@@ -29,7 +30,10 @@ class AlignSettings:
 class ChangeSettings:
     """From aligned descriptors to a coarse change map (paper, step 4)."""
 
-    tau: float | None = None  # distance above which a patch changed; none = the encoder's own
+    tau: float | None = None  # distance above which a patch changed; none = as threshold says
+    threshold: Literal["encoder", "pair"] = "encoder"  # its own tau, or fitted to the pair
+    background_quantile: float = 0.3  # of a pair's distances: what its unchanged part looks like
+    tau_share: float = 0.65  # where tau lies between the background and unrelated things
     sampling: Literal["nearest", "bilinear"] = "bilinear"  # of descriptors between patches
     search_radius: int = 1  # patches; the smallest distance in the neighbourhood counts
     coarse_frames: Literal["t0", "both"] = "both"  # one map carried over, or one for each photo
@@ -41,6 +45,12 @@ class SegmentSettings:
 
     points_per_side: int = 32  # SAM's prompt grid (SAM's published default)
     prompting: Literal["everything", "coarse"] = "coarse"  # prompt all, or only coarse change
+    points_per_batch: int = 64  # prompts that SAM answers at once; memory grows with it
+    pred_iou: float | None = None  # SAM's own score must exceed this; none = as published
+    stability: float = 0.95  # overlap of a mask cut a little higher and lower (SAM)
+    box_nms: float = 0.7  # boxes that overlap more are one outline (SAM)
+    crop_layers: int = 0  # SAM looks again at 4, 16, ... crops of the photo
+    min_speck_px: int = 0  # holes and islands of a mask below this many pixels are removed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +69,9 @@ class Settings:
 
     encoder: str = "lite"
     segmenter: str = "lite"
+    side_px: int = 672  # lite looks at photos resized to about this squared
+    layer: int | None = None  # block of a transformer encoder to compare; none = its own choice
+    precision: Literal["auto", "fp32", "bf16"] = "auto"  # of transformers; auto = by device
     frame: Literal["t0", "t1"] = "t1"  # the photo whose pixels the final mask is drawn in
     align: AlignSettings = field(default_factory=AlignSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)
@@ -94,6 +107,7 @@ class Settings:
 # The literal reading of every point that the paper leaves open (docs/method.md).
 PAPER_RULES: dict[str, object] = {
     "matching": "argmax",
+    "threshold": "encoder",
     "sampling": "nearest",
     "search_radius": 0,
     "coarse_frames": "t0",
@@ -104,7 +118,10 @@ PAPER_RULES: dict[str, object] = {
 }
 
 PRESETS: dict[str, Settings] = {
-    "lite": Settings(),
+    "lite": Settings(
+        change=ChangeSettings(threshold="pair", tau_share=0.58, search_radius=0),
+        refine=RefineSettings(alpha=0.75, verify="off"),
+    ),
 }
 
 

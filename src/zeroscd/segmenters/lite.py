@@ -1,0 +1,123 @@
+"""The embedded segmenter: learned borders, a watershed, and a tree of nested regions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from zeroscd.images.working import resize
+from zeroscd.records import Segment, Segments
+from zeroscd.segmenters.boundary import (
+    LEVEL_STRIDES_PX,
+    STRIDE_PX,
+    BoundaryHead,
+    boundary_map,
+    load_head,
+)
+from zeroscd.segmenters.hierarchy import build_hierarchy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from zeroscd.arrays import Mask, Rgb
+    from zeroscd.records import FeatureMap
+    from zeroscd.segmenters.hierarchy import Hierarchy
+    from zeroscd.settings import Settings
+
+LARGEST_SHARE = 0.5  # of a photo; larger regions are the scene, not a thing in it
+LEAST_CELLS = 6  # of the boundary map; smaller regions are its noise
+
+
+class LiteSegmenter:
+    """Nested regions from the borders that people would draw.
+
+    Attributes:
+        name: "lite".
+    """
+
+    name = "lite"
+
+    def __init__(self, head: BoundaryHead) -> None:
+        self._head = head
+
+    def segment(
+        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
+    ) -> Segments:
+        """Return all regions of the tree that touch the wanted places.
+
+        Args:
+            photo: (H, W, 3) uint8 RGB.
+            features: The lite encoder's maps of this photo.
+            where: (H, W) places of interest; None = everywhere.
+        """
+        rows, cols = next(m for m in features if m.source == "lite.2").grid.size_hw
+        stride = LEVEL_STRIDES_PX["lite.2"]
+        working = resize(photo, (rows * stride, cols * stride))
+        hierarchy = build_hierarchy(boundary_map(self._head, working, features))
+        leaf_of = _to_photo(hierarchy.leaf_of, photo.shape[:2])
+        least_px = LEAST_CELLS * leaf_of.size / hierarchy.leaf_of.size
+        return Segments(
+            size_hw=leaf_of.shape,
+            items=tuple(_outlines(hierarchy, leaf_of, where=where, least_px=least_px)),
+        )
+
+
+def load(settings: Settings, device: str) -> LiteSegmenter:
+    """Load the segmenter from the weights that ship with the package; it runs on the CPU."""
+    del settings, device
+    return LiteSegmenter(load_head())
+
+
+def _to_photo(leaf_of: NDArray[np.int32], photo_hw: tuple[int, ...]) -> NDArray[np.int32]:
+    """Give every pixel of the photo the leaf of the nearest cell; cell i lies at 2 i."""
+    height, width = photo_hw[:2]
+    scale_y, scale_x = (c * STRIDE_PX / n for c, n in zip(leaf_of.shape, photo_hw, strict=True))
+    rows = ((np.arange(height) + 0.5) * scale_y - 0.5) / STRIDE_PX
+    cols = ((np.arange(width) + 0.5) * scale_x - 0.5) / STRIDE_PX
+    row = np.clip(np.floor(rows + 0.5).astype(np.intp), 0, leaf_of.shape[0] - 1)
+    col = np.clip(np.floor(cols + 0.5).astype(np.intp), 0, leaf_of.shape[1] - 1)
+    return leaf_of[row[:, None], col[None, :]]
+
+
+def _outlines(
+    hierarchy: Hierarchy, leaf_of: NDArray[np.int32], *, where: Mask | None, least_px: float
+) -> Iterator[Segment]:
+    leaves = int(hierarchy.last.max())
+    area = _below(hierarchy, np.bincount(leaf_of.ravel(), minlength=leaves))
+    wanted = (
+        area
+        if where is None
+        else _below(hierarchy, np.bincount(leaf_of[where].ravel(), minlength=leaves))
+    )
+    boxes = _boxes(leaf_of, leaves)
+    fits = (area >= least_px) & (area <= LARGEST_SHARE * leaf_of.size) & (wanted > 0)
+    for node in np.flatnonzero(fits):
+        first, last = hierarchy.first[node], hierarchy.last[node]
+        left, top = boxes[first:last, :2].min(axis=0)
+        right, bottom = boxes[first:last, 2:].max(axis=0)
+        box = leaf_of[top:bottom, left:right]
+        outline = Segment.from_mask((box >= first) & (box < last), offset_xy=(int(left), int(top)))
+        if outline is not None:
+            yield outline
+
+
+def _below(hierarchy: Hierarchy, per_leaf: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Sum a number over the leaves below every node."""
+    total = np.concatenate([[0], np.cumsum(per_leaf)])
+    return np.asarray(total[hierarchy.last] - total[hierarchy.first])
+
+
+def _boxes(leaf_of: NDArray[np.int32], leaves: int) -> NDArray[np.intp]:
+    """Left, top, right, bottom (exclusive) of every leaf; a leaf without pixels gets an empty one."""
+    rows, cols = np.indices(leaf_of.shape)
+    flat = leaf_of.ravel()
+    boxes = np.empty((leaves, 4), dtype=np.intp)
+    boxes[:, :2], boxes[:, 2:] = np.iinfo(np.intp).max, 0
+    np.minimum.at(boxes[:, 0], flat, cols.ravel())
+    np.minimum.at(boxes[:, 1], flat, rows.ravel())
+    np.maximum.at(boxes[:, 2], flat, cols.ravel() + 1)
+    np.maximum.at(boxes[:, 3], flat, rows.ravel() + 1)
+    return boxes
