@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from zeroscd.cli.console import say, warn
-from zeroscd.cli.evaluate import DatasetName, DatasetRoot, Figures, Limit, show_dataset
+from zeroscd.cli.evaluate import Count, DatasetName, DatasetRoot, Figures, Limit, show_dataset
 from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ def ablate(
     ],
     preset: Preset = "lite",
     limit: Limit = None,
+    count: Count = None,
     settings: Overrides = None,
     device: Device = "auto",
     figures: Figures = False,
@@ -54,7 +55,7 @@ def ablate(
         out=out,
         cache_bytes=int(cache_gb * GIBIBYTE),
     )
-    found = open_dataset(dataset, root).first(limit)
+    found = open_dataset(dataset, root).counting(count).first(limit)
     show_dataset(found)
     try:
         with Bar() as bar:

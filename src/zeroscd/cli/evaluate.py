@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -23,6 +23,10 @@ DatasetRoot = Annotated[Path, typer.Argument(metavar="ROOT", help="Where the dat
 Figures = Annotated[
     bool, typer.Option("--figures", help="Also write charts and panels as PNG and PDF.")
 ]
+Count = Annotated[
+    Literal["both", "removed", "added"] | None,
+    typer.Option(help="Which changes to compare; the data set's own choice if not given."),
+]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N pairs.")]
 
 
@@ -32,6 +36,7 @@ def evaluate(
     out: OutFolder,
     preset: Preset = "lite",
     limit: Limit = None,
+    count: Count = None,
     settings: Overrides = None,
     device: Device = "auto",
     show: Annotated[
@@ -53,7 +58,7 @@ def evaluate(
     from zeroscd.evaluation.report.panels import check_chosen
     from zeroscd.evaluation.run import evaluate as run_evaluation
 
-    found = open_dataset(dataset, root).first(limit)
+    found = open_dataset(dataset, root).counting(count).first(limit)
     check_chosen(found, show or [])
     if figures:
         check_figures()

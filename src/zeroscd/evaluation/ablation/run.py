@@ -1,0 +1,176 @@
+"""Run an ablation: every combination of settings, sharing what the networks computed."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from zeroscd.evaluation.ablation.cached import CachedEncoder, CachedSegmenter
+from zeroscd.evaluation.ablation.grid import combine
+from zeroscd.evaluation.ablation.store import ArrayStore
+from zeroscd.evaluation.bootstrap import intervals
+from zeroscd.evaluation.journal import digest_code, digest_weights
+from zeroscd.evaluation.progress import Silent
+from zeroscd.evaluation.run import Run, evaluate_all
+from zeroscd.evaluation.scores import versions, write_json
+from zeroscd.models import Models
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from zeroscd.evaluation.ablation.grid import Axis
+    from zeroscd.evaluation.datasets.port import Dataset
+    from zeroscd.evaluation.progress import Progress
+    from zeroscd.evaluation.run import Detects
+    from zeroscd.evaluation.scores import Scores
+    from zeroscd.settings import Settings
+
+# Branches of the settings tree, and leaves, that no network sees.
+OUTSIDE_NETWORKS = frozenset({"align", "change", "refine", "frame"})
+BLIND_SEGMENTERS = "sam"  # names that begin so look at the photo only, whatever the encoder
+
+
+class Workshop(Protocol):
+    """Where an ablation gets its models and detectors from."""
+
+    def load(self, settings: Settings) -> Models:
+        """Load the encoder and the segmenter that the settings name."""
+        ...
+
+    def build(self, settings: Settings, models: Models) -> Detects:
+        """Put a detector together."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What an ablation shall do.
+
+    Attributes:
+        settings: What all combinations share.
+        axes: What they vary.
+        out: Folder for everything.
+        cache_bytes: How large the cache of features and outlines may grow.
+    """
+
+    settings: Settings
+    axes: tuple[Axis, ...]
+    out: Path
+    cache_bytes: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """One combination of settings and its scores.
+
+    Attributes:
+        values: Setting -> value as typed.
+        scores: On the whole data set.
+    """
+
+    values: Mapping[str, str]
+    scores: Scores
+
+
+def ablate(
+    dataset: Dataset, plan: Plan, workshop: Workshop, *, progress: Progress | None = None
+) -> list[Point]:
+    """Score every combination of settings and write `ablation.json`.
+
+    Segmenters are asked for everything, whatever `prompting` says, unless that is varied: outlines
+    then do not depend on tau and are computed once.
+
+    Raises:
+        SettingsError: A setting is unknown or cannot take a value.
+        DatasetError: A mask cannot be read.
+        OutputError: The folder cannot be written.
+    """
+    combinations = combine(plan.axes)
+    shared = plan.settings.override({"frame": dataset.frame, "prompting": "everything"})
+    tried = [shared.override(values) for values in combinations]
+    store = ArrayStore(plan.out / "cache", most_bytes=plan.cache_bytes)
+    scores: dict[int, Scores] = {}
+    for members in _with_equal_networks(tried):
+        first = tried[members[0]]
+        models = _cached(workshop.load(first), first, store)
+        runs = [
+            Run(
+                detector=workshop.build(tried[at], models),
+                out=plan.out / "runs" / slug_of(combinations[at]),
+            )
+            for at in members
+        ]
+        found = evaluate_all(dataset, runs, progress=progress or Silent())
+        scores |= dict(zip(members, found, strict=True))
+    points = [Point(values=values, scores=scores[at]) for at, values in enumerate(combinations)]
+    write_json(to_dict(plan, points), plan.out / "ablation.json")
+    return points
+
+
+def to_dict(plan: Plan, points: Sequence[Point]) -> dict[str, Any]:
+    """Return the content of `ablation.json`."""
+    return {
+        "axes": {axis.name: list(axis.values) for axis in plan.axes},
+        "points": [_point_dict(point) for point in points],
+        "settings": plan.settings.to_dict(),
+        "versions": versions(),
+    }
+
+
+def slug_of(values: Mapping[str, str]) -> str:
+    """Return a folder name for a combination.
+
+    Example:
+        >>> slug_of({"tau": "0.5", "encoder": "dinov2-s"})
+        'tau=0.5,encoder=dinov2-s'
+    """
+    text = ",".join(f"{name}={value}" for name, value in values.items())
+    return re.sub(r"[^\w=.,-]", "_", text)
+
+
+def _with_equal_networks(tried: Sequence[Settings]) -> list[list[int]]:
+    """Group settings that share their networks, so that each is loaded once and one at a time."""
+    groups: dict[str, list[int]] = {}
+    for at, settings in enumerate(tried):
+        groups.setdefault(_networks_of(settings), []).append(at)
+    return list(groups.values())
+
+
+def _networks_of(settings: Settings) -> str:
+    kept = {
+        name: value for name, value in settings.to_dict().items() if name not in OUTSIDE_NETWORKS
+    }
+    return json.dumps(kept, sort_keys=True)
+
+
+def _cached(models: Models, settings: Settings, store: ArrayStore) -> Models:
+    seen = json.loads(_networks_of(settings))
+    world = json.dumps([versions(), digest_code(), digest_weights(settings)])
+    of_encoder = {name: value for name, value in seen.items() if not name.startswith("segment")}
+    of_segmenter = {name: value for name, value in seen.items() if name != "encoder"}
+    return Models(
+        CachedEncoder(models.encoder, store, identity=world + json.dumps(of_encoder)),
+        CachedSegmenter(
+            models.segmenter,
+            store,
+            identity=world + json.dumps(of_segmenter),
+            reads_features=not settings.segmenter.startswith(BLIND_SEGMENTERS),
+        ),
+    )
+
+
+def _point_dict(point: Point) -> dict[str, Any]:
+    found = point.scores.to_dict()
+    names = ("f1_macro", "f1_pooled", "f1_hm", "precision_macro", "recall_macro", "iou_macro")
+    ends = intervals([pair.counts for pair in point.scores.pairs])
+    return {
+        "values": dict(point.values),
+        "run": f"runs/{slug_of(point.values)}",
+        **{name: found[name] for name in names},
+        "no_change": found["no_change"],
+        "seconds": sum(pair.seconds for pair in point.scores.pairs),
+        "intervals_95": {name: list(pair) for name, pair in ends.items()},
+    }

@@ -1,0 +1,1 @@
+"""The scores shown: tables, curves, pictures, and one page that works offline."""

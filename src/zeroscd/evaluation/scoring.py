@@ -1,0 +1,185 @@
+"""What one pair contributes to the scores: everything that is kept of a detection."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from zeroscd.evaluation.metrics import Counts, count
+from zeroscd.evaluation.truth import resize_mask
+from zeroscd.result import Alignment, NotAligned
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from zeroscd.arrays import Map, Mask
+    from zeroscd.evaluation.truth import Truth
+    from zeroscd.result import ChangeResult, Kind, Region
+
+FARTHEST = 2.0  # the largest distance of two unit descriptors
+HEAT_BINS = 100  # of the precision-recall curve over tau: steps of 0.02
+HIT_SHARE = 0.5  # of a region that must lie on true change to say that it hit one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KindHits:
+    """Whether found changes were given the right kind.
+
+    Attributes:
+        hit: Regions that lie, at least by half, on a true change of either kind.
+        right: Those of them whose kind (removed or added) is the true one.
+    """
+
+    hit: int
+    right: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heat:
+    """How the descriptor distance is spread over changed and unchanged pixels.
+
+    Attributes:
+        changed: Pixels of true change by distance, HEAT_BINS equal steps from 0 to 2.
+        unchanged: The same for all other counted pixels.
+    """
+
+    changed: tuple[int, ...]
+    unchanged: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairScore:
+    """One pair's line in the journal.
+
+    Attributes:
+        stem: The pair's name.
+        counts: Pixels by truth and prediction.
+        seconds: Wall time of the detection.
+        stages: Wall time of each stage.
+        heat: For the precision-recall curve over tau.
+        kinds: None where the data does not tell removed from added.
+        consistency: IoU with the mask found after swapping the photos; None when not asked for.
+        not_aligned: Why the photos were compared without alignment, or None.
+    """
+
+    stem: str
+    counts: Counts
+    seconds: float
+    stages: Mapping[str, float]
+    heat: Heat
+    kinds: KindHits | None = None
+    consistency: float | None = None
+    not_aligned: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> PairScore:
+        """Read what `to_json` wrote."""
+        kinds = values["kinds"]
+        return cls(
+            **{
+                **values,
+                "counts": Counts(**values["counts"]),
+                "heat": Heat(**{name: tuple(bins) for name, bins in values["heat"].items()}),
+                "kinds": None if kinds is None else KindHits(**kinds),
+            }
+        )
+
+
+def predicted_mask(result: ChangeResult, counted: Kind | None) -> Mask:
+    """Return the mask that is compared with the truth: both kinds, or one in its own frame."""
+    if counted == "removed":
+        return result.removed
+    if counted == "added":
+        return result.added
+    return result.mask
+
+
+def count_pair(result: ChangeResult, truth: Truth, counted: Kind | None) -> Counts:
+    """Compare a result with the truth at the truth's size."""
+    predicted = resize_mask(predicted_mask(result, counted), truth.changed.shape)
+    return count(predicted, truth.changed, valid=truth.valid)
+
+
+def spread_heat(distance: Map, truth: Truth) -> Heat:
+    """Count changed and unchanged pixels by descriptor distance."""
+    height, width = truth.changed.shape
+    sized = np.asarray(
+        cv2.resize(distance, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.float32
+    )
+    return Heat(
+        changed=_histogram(sized[truth.valid & truth.changed]),
+        unchanged=_histogram(sized[truth.valid & ~truth.changed]),
+    )
+
+
+def count_kinds(result: ChangeResult, truth: Truth) -> KindHits | None:
+    """Of the regions that hit a true change, count those with the right kind.
+
+    A region is compared with the true changes of its own kind in its own photo, and with those of
+    the other kind carried over by the homography that the detector found.
+    """
+    if truth.removed is None or truth.added is None:
+        return None
+    t1_from_t0 = _homography(result)
+    t0_from_t1 = np.asarray(np.linalg.inv(t1_from_t0), dtype=np.float64)
+    size_t0, size_t1 = result.before.size_hw, result.after.size_hw
+    removed_t0, added_t1 = resize_mask(truth.removed, size_t0), resize_mask(truth.added, size_t1)
+    true_masks = {
+        "removed": (removed_t0, _carry(added_t1, t0_from_t1, size_t0)),
+        "added": (added_t1, _carry(removed_t0, t1_from_t0, size_t1)),
+    }
+    hit = right = 0
+    for region in result.regions:
+        found = _region_mask(region, result)
+        same, other = (int(np.count_nonzero(found & true)) for true in true_masks[region.kind])
+        if max(same, other) >= HIT_SHARE * max(1, int(found.sum())):
+            hit += 1
+            right += same >= other
+    return KindHits(hit=hit, right=right)
+
+
+def agreement(here: Mask, there: Mask) -> float:
+    """Return the IoU of two masks of equal size, 1 when both are empty."""
+    union = int(np.count_nonzero(here | there))
+    return int(np.count_nonzero(here & there)) / union if union else 1.0
+
+
+def why_not_aligned(result: ChangeResult) -> str | None:
+    """Return the reason why there is no homography, or None."""
+    return result.alignment.reason if isinstance(result.alignment, NotAligned) else None
+
+
+def _histogram(values: NDArray[np.float32]) -> tuple[int, ...]:
+    counts, _ = np.histogram(np.clip(values, 0.0, FARTHEST), bins=HEAT_BINS, range=(0.0, FARTHEST))
+    return tuple(int(number) for number in counts)
+
+
+def _homography(result: ChangeResult) -> NDArray[np.float64]:
+    if isinstance(result.alignment, Alignment):
+        return result.alignment.t1_from_t0
+    (height_t0, width_t0), (height_t1, width_t1) = result.before.size_hw, result.after.size_hw
+    return np.diag([width_t1 / width_t0, height_t1 / height_t0, 1.0])
+
+
+def _carry(mask: Mask, there_from_here: NDArray[np.float64], size_hw: tuple[int, int]) -> Mask:
+    carried = cv2.warpPerspective(
+        mask.astype(np.uint8), there_from_here, (size_hw[1], size_hw[0]), flags=cv2.INTER_NEAREST
+    )
+    return carried.astype(bool)
+
+
+def _region_mask(region: Region, result: ChangeResult) -> Mask:
+    whole = result.removed if region.kind == "removed" else result.added
+    canvas = np.zeros(whole.shape, dtype=np.uint8)
+    outlines = [np.array(outline, dtype=np.int32) for outline in region.polygon_xy]
+    cv2.fillPoly(canvas, outlines, (1,))
+    return canvas.astype(bool) & whole

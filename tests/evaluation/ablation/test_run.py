@@ -1,0 +1,108 @@
+"""Ablations: what is loaded and asked, and what comes out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from zeroscd.errors import SettingsError
+from zeroscd.evaluation.ablation.grid import Axis, combine, parse_axis
+from zeroscd.evaluation.ablation.run import Plan, ablate
+from zeroscd.evaluation.datasets.catalogue import open_dataset
+from zeroscd.models import Models
+from zeroscd.settings import Settings
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import ModuleType
+
+
+@dataclass
+class ToyWorkshop:
+    """Builds detectors that ask the encoder and the segmenter, then threshold by tau."""
+
+    toy: ModuleType
+    encoder: Any
+    segmenter: Any
+    loads: list[str] = field(default_factory=list)
+
+    def load(self, settings: Settings) -> Models:
+        self.loads.append(settings.encoder)
+        return Models(self.encoder, self.segmenter)
+
+    def build(self, settings: Settings, models: Models) -> Any:
+        @dataclass
+        class Asking(self.toy.ToyDetector):  # type: ignore[name-defined,misc]
+            def detect(self, before: Any, after: Any) -> Any:
+                (features, _) = models.encoder.encode([before, after])
+                models.segmenter.segment(before, features, where=None)
+                found = super().detect(before, after)
+                mask = found.heatmap > self.settings.change.tau
+                return replace(found, mask=mask)
+
+        return Asking(settings=settings)
+
+
+@pytest.fixture
+def workshop(toy: ModuleType, encoder: Any, segmenter: Any) -> ToyWorkshop:
+    return ToyWorkshop(toy, encoder, segmenter)
+
+
+def plan_for(out: Path, *axes: Axis) -> Plan:
+    return Plan(settings=Settings(), axes=axes, out=out, cache_bytes=10**8)
+
+
+def test_networks_are_asked_once_for_all_values_of_tau(
+    tiny_folder: Path, tmp_path: Path, workshop: ToyWorkshop
+) -> None:
+    dataset = open_dataset("folder", tiny_folder)
+    points = ablate(dataset, plan_for(tmp_path / "out", parse_axis("tau=0.1:1.7:0.4")), workshop)
+    assert (workshop.encoder.asked, workshop.segmenter.asked, len(workshop.loads)) == (3, 3, 1)
+    f1 = {point.values["tau"]: point.scores.summary.f1_macro for point in points}
+    # The toy's changes lie at distance 1.53: found by every tau below, lost above.
+    assert f1 == {
+        "0.1": pytest.approx(0.2),
+        "0.5": pytest.approx(0.2),
+        "0.9": pytest.approx(0.2),
+        "1.3": pytest.approx(0.2),
+        "1.7": 0.0,
+    }
+    written = json.loads((tmp_path / "out" / "ablation.json").read_text())
+    assert written["axes"] == {"tau": ["0.1", "0.5", "0.9", "1.3", "1.7"]}
+    assert written["points"][0]["f1_macro"] == pytest.approx(0.2)
+    assert (tmp_path / "out" / written["points"][4]["run"] / "scores.json").exists()
+
+
+def test_each_network_is_loaded_once_whatever_the_order_of_axes(
+    tiny_folder: Path, tmp_path: Path, workshop: ToyWorkshop
+) -> None:
+    axes = (parse_axis("tau=0.5,1"), parse_axis("encoder=lite,dinov2-s"))
+    points = ablate(open_dataset("folder", tiny_folder), plan_for(tmp_path, *axes), workshop)
+    assert workshop.loads == ["lite", "dinov2-s"]
+    assert [dict(point.values) for point in points] == combine(axes)
+    for point in points:
+        assert point.scores.settings.encoder == point.values["encoder"]
+
+
+def test_an_ablation_that_was_stopped_computes_nothing_twice(
+    tiny_folder: Path, tmp_path: Path, workshop: ToyWorkshop
+) -> None:
+    dataset = open_dataset("folder", tiny_folder)
+    for axis in ("tau=1", "tau=1", "tau=0.5,1"):
+        ablate(dataset, plan_for(tmp_path, parse_axis(axis)), workshop)
+    assert workshop.encoder.asked == len(dataset.pairs)
+
+
+def test_an_unknown_setting_is_refused_before_anything_is_computed(
+    tiny_folder: Path, tmp_path: Path, workshop: ToyWorkshop
+) -> None:
+    with pytest.raises(SettingsError, match="taus"):
+        ablate(
+            open_dataset("folder", tiny_folder),
+            plan_for(tmp_path, parse_axis("taus=0.5,1")),
+            workshop,
+        )
+    assert workshop.loads == []

@@ -1,0 +1,184 @@
+"""`zeroscd evaluate` and `zeroscd ablate`, with the toy detector in place of the networks."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import typer
+
+from zeroscd.cli.ablate import ablate
+from zeroscd.cli.evaluate import evaluate
+from zeroscd.cli.progress import Bar
+from zeroscd.errors import DatasetError, OutputError, SettingsError
+from zeroscd.evaluation.run import Run
+from zeroscd.models import Models
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import ModuleType
+
+    from zeroscd.evaluation.datasets.port import Dataset
+    from zeroscd.settings import Settings
+
+
+INTERRUPTED = 130  # 128 + SIGINT
+
+
+class StillEncoder:
+    name, tau = "still", 1.0
+
+    def encode(self, photos: Any) -> list[Any]:
+        return [() for _ in photos]
+
+
+class StillSegmenter:
+    name = "still"
+
+    def segment(self, photo: Any, features: Any, *, where: Any) -> Any:
+        raise AssertionError
+
+
+@pytest.fixture
+def app(toy: ModuleType, monkeypatch: pytest.MonkeyPatch) -> typer.Typer:
+    def make_run(dataset: Dataset, out: Path, **asked: Any) -> Run:
+        detector = toy.ToyDetector.in_frame(dataset.frame)
+        settings = detector.settings.override(asked["overrides"])
+        back = toy.ToyDetector.in_frame("t0") if asked["swap"] else None
+        return Run(detector=replace(detector, settings=settings), out=out, swapped=back)
+
+    class Workshop:
+        def __init__(self, preset: str, device: str) -> None:
+            self.preset = preset
+
+        def load(self, settings: Settings) -> Models:
+            return Models(StillEncoder(), StillSegmenter())
+
+        def build(self, settings: Settings, models: Models) -> Any:
+            return toy.ToyDetector(settings=settings, preset=self.preset)
+
+    monkeypatch.setattr("zeroscd.cli.evaluate.make_run", make_run)
+    monkeypatch.setattr("zeroscd.cli.ablate._Workshop", Workshop)
+    app = typer.Typer()
+    app.command()(evaluate)
+    app.command()(ablate)
+    return app
+
+
+def run(app: typer.Typer, *words: str | Path) -> Any:
+    return app(args=[str(word) for word in words], standalone_mode=False)
+
+
+def test_evaluate_writes_the_promised_files_and_prints_the_table(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(app, "evaluate", "folder", tiny_folder, "-o", tmp_path / "out", "--swap")
+    scores = json.loads((tmp_path / "out" / "scores.json").read_text())
+    promised = {
+        *("pairs", "f1_macro", "f1_pooled", "f1_hm", "precision_macro", "recall_macro"),
+        *("iou_macro", "no_change", "per_pair", "settings", "versions"),
+    }
+    assert promised <= set(scores)
+    assert {"stem", "f1", "precision", "recall", "seconds"} <= set(scores["per_pair"][0])
+    assert scores["temporal_consistency"] == 1.0
+    assert (tmp_path / "out" / "report.html").exists()
+    shown = capsys.readouterr()
+    assert "F1, mean over pairs" in shown.out
+    assert "0.200" in shown.out
+    assert "3 pairs, t0/ t1/ mask/ with equal names" in shown.err
+
+
+def test_evaluate_keeps_to_the_first_pairs(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path
+) -> None:
+    run(app, "evaluate", "folder", tiny_folder, "-o", tmp_path / "out", "--limit", "1")
+    scores = json.loads((tmp_path / "out" / "scores.json").read_text())
+    assert [row["stem"] for row in scores["per_pair"]] == ["a"]
+
+
+def test_one_kind_alone_is_compared_when_asked_for(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path
+) -> None:
+    for kinds, f1 in (("added", 0.2), ("both", 0.2)):
+        out = tmp_path / kinds
+        run(app, "evaluate", "folder", tiny_folder, "-o", out, "--count", kinds)
+        scores = json.loads((out / "scores.json").read_text())
+        assert scores["f1_macro"] == pytest.approx(f1)
+    assert scores["protocol"]["counted"] == "removed and added"
+
+
+def test_other_methods_on_the_same_pairs_are_printed(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tiny_folder / "published_f1.json").write_text('{"a": {"other": 0.5}}')
+    run(app, "evaluate", "folder", tiny_folder, "-o", tmp_path / "out")
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["pair", "ours", "other"] in lines
+    assert ["a", "0.400", "0.500"] in lines
+    assert [">", "mean", "0.400", "0.500"] in lines
+
+
+def test_what_cannot_be_shown_is_refused_before_anything_is_computed(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(SettingsError, match="nowhere"):
+        run(app, "evaluate", "folder", tiny_folder, "-o", out, "--show", "nowhere")
+    with pytest.raises(SettingsError, match="KEY=VALUE"):
+        run(app, "evaluate", "folder", tiny_folder, "-o", out, "--set", "tau")
+    with pytest.raises(DatasetError, match="expected ROOT"):
+        run(app, "evaluate", "vl-cmu-cd", tiny_folder, "-o", out)
+    assert not out.exists()
+
+
+def test_figures_without_matplotlib_are_refused_at_once(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    with pytest.raises(OutputError, match=r"pip install 'zeroscd\[figures\]'"):
+        run(app, "evaluate", "folder", tiny_folder, "-o", tmp_path / "out", "--figures")
+    assert not (tmp_path / "out").exists()
+
+
+def test_after_ctrl_c_evaluate_says_how_to_go_on(
+    app: typer.Typer,
+    toy: ModuleType,
+    tiny_folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def stop(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(toy.ToyDetector, "detect", stop)
+    assert run(app, "evaluate", "folder", tiny_folder, "-o", tmp_path / "out") == INTERRUPTED
+    assert "same command again" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "scores.json").exists()
+
+
+def test_ablate_prints_the_curve_beside_the_papers(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    run(app, "ablate", "folder", tiny_folder, "-o", out, "--over", "tau=0.6:0.7:0.05")
+    shown = [line.split() for line in capsys.readouterr().out.splitlines()]
+    rows = [[cell for cell in line if cell != ">"] for line in shown]
+    assert ["0.65", "0.200", "0.267", "0.200", "0.250", "0.167", "0.754"] in rows
+    page = (out / "report.html").read_text()
+    assert "paper, VL-CMU-CD" in page
+    assert page.count("<polyline") == 3  # ours and the paper's F1, then precision over recall
+    assert len(json.loads((out / "ablation.json").read_text())["points"]) == 3
+
+
+def test_the_remaining_time_counts_only_what_was_computed_now() -> None:
+    seconds = iter([0.0, 100.0, 160.0, 160.0])
+    bar = Bar(clock=lambda: next(seconds))
+    bar.begin(10)
+    for _ in range(3):
+        bar.advance("old", reused=True)
+    assert bar.remaining() == ""
+    bar.advance("new", reused=False)  # 60 s for one pair, six are left
+    assert bar.remaining() == "0:06:00 left"
