@@ -17,8 +17,10 @@ from zeroscd.change.coarse import find_coarse_change
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models, load_models
 from zeroscd.records import CoarseChange
+from zeroscd.refine.kinds import settle_kinds
 from zeroscd.refine.regions import find_regions
-from zeroscd.refine.verify import confirm
+from zeroscd.refine.strength import keep_strong
+from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
 from zeroscd.result import Alignment, ChangeResult, NotAligned
 from zeroscd.settings import preset as settings_of
@@ -26,7 +28,7 @@ from zeroscd.settings import preset as settings_of
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from zeroscd.arrays import Homography, Mask
+    from zeroscd.arrays import Homography, Map, Mask
     from zeroscd.images.read import PhotoSource
     from zeroscd.records import FeatureMap, Segments
     from zeroscd.result import Photo
@@ -179,13 +181,24 @@ class Detector:
         refine = self.settings.refine
         flagged_t0 = vote(segments[0], coarse[0], alpha=refine.alpha)
         flagged_t1 = vote(segments[1], coarse[1], alpha=refine.alpha)
-        kept_t0 = confirm(
-            flagged_t0, segments[1], pair.to_t1, verify=refine.verify, beta=refine.beta
+        rule = Verification(refine.verify, refine.beta)
+        kept_t0 = confirm(flagged_t0, segments, pair.to_t1, rule)
+        kept_t1 = confirm(flagged_t1, segments[::-1], pair.to_t0, rule)
+        removed_t0 = keep_strong(
+            unite(kept_t0, pair.size_t0_hw), coarse[0], least_peak=refine.least_peak
         )
-        kept_t1 = confirm(
-            flagged_t1, segments[0], pair.to_t0, verify=refine.verify, beta=refine.beta
+        added_t1 = keep_strong(
+            unite(kept_t1, pair.size_t1_hw), coarse[1], least_peak=refine.least_peak
         )
-        return unite(kept_t0, pair.size_t0_hw), unite(kept_t1, pair.size_t1_hw)
+        if refine.kinds == "frame":
+            return removed_t0, added_t1
+        return settle_kinds(
+            removed_t0,
+            added_t1,
+            novelty_t0=coarse[0].distance - pair.map_to_t0(coarse[1].distance),
+            novelty_t1=coarse[1].distance - pair.map_to_t1(coarse[0].distance),
+            carriers=(pair.to_t0, pair.to_t1),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +233,14 @@ class Pair:
     def to_t1(self, mask_t0: Mask) -> Mask:
         """Carry a mask to the photo after."""
         return warp_mask(mask_t0, self.t1_from_t0, size_b_hw=self.size_t1_hw)
+
+    def map_to_t0(self, map_t1: Map) -> Map:
+        """Carry one number a pixel to the photo before."""
+        return warp_map(map_t1, self.t0_from_t1, size_b_hw=self.size_t0_hw)
+
+    def map_to_t1(self, map_t0: Map) -> Map:
+        """Carry one number a pixel to the photo after."""
+        return warp_map(map_t0, self.t1_from_t0, size_b_hw=self.size_t1_hw)
 
 
 class Clock:

@@ -60,6 +60,8 @@ class RefineSettings:
     alpha: float = 0.8  # share of coarse change above which an outline is flagged (paper)
     verify: Literal["overlap", "iou", "off"] = "iou"  # second check against the other photo
     beta: float = 0.5  # overlap at which the other photo's outline refutes the change
+    least_peak: float = 0.0  # parts weaker than this share of the strongest change are dropped
+    kinds: Literal["frame", "novelty"] = "frame"  # kept where flagged, or settled by novelty
     min_area_px: int = 0  # smaller regions are dropped, in pixels of their photo
 
 
@@ -69,7 +71,7 @@ class Settings:
 
     encoder: str = "lite"
     segmenter: str = "lite"
-    side_px: int = 672  # lite looks at photos resized to about this squared
+    side_px: int = 576  # lite looks at photos resized to about this squared
     layer: int | None = None  # block of a transformer encoder to compare; none = its own choice
     precision: Literal["auto", "fp32", "bf16"] = "auto"  # of transformers; auto = by device
     frame: Literal["t0", "t1"] = "t1"  # the photo whose pixels the final mask is drawn in
@@ -114,14 +116,9 @@ PAPER_RULES: dict[str, object] = {
     "verify": "overlap",
     "beta": 0.5,
     "alpha": 0.8,
+    "least_peak": 0.0,
+    "kinds": "frame",
     "prompting": "everything",
-}
-
-PRESETS: dict[str, Settings] = {
-    "lite": Settings(
-        change=ChangeSettings(threshold="pair", tau_share=0.58, search_radius=0),
-        refine=RefineSettings(alpha=0.75, verify="off"),
-    ),
 }
 
 
@@ -164,6 +161,12 @@ def _walk(kind: type) -> dict[str, tuple[str | None, Any]]:
 _LEAVES = _walk(Settings)
 
 
+def _literally(encoder: str, *, side_px: int) -> Settings:
+    """Combine an encoder with SAM ViT-H and the paper's rules."""
+    models = Settings(encoder=encoder, segmenter="sam-vit-h", side_px=side_px)
+    return models.override(PAPER_RULES)
+
+
 def _replace_leaf(settings: Settings, name: str, value: object) -> Settings:
     if name not in _LEAVES:
         message = f"unknown setting {name!r}; known: {', '.join(leaf_names())}"
@@ -195,3 +198,17 @@ def _parse(name: str, value: object, hint: Any) -> object:  # noqa: ANN401 - a t
         message = f"setting {name} needs a {hint.__name__}, not {value!r}"
         raise SettingsError(message)
     return number
+
+
+PRESETS: dict[str, Settings] = {
+    "lite": Settings(
+        change=ChangeSettings(threshold="pair", tau_share=0.53, search_radius=2),
+        refine=RefineSettings(alpha=0.75, verify="off", least_peak=0.6, kinds="novelty"),
+    ),
+    # The paper's literal reading; VL-CMU-CD at its own size. DINOv2 is trained at 518 pixels.
+    "paper": _literally("placeformer", side_px=512),
+    "dinov2-s": _literally("dinov2-s", side_px=518),
+    "dinov2-b": _literally("dinov2-b", side_px=518),
+    # Our reading of the open points, with the best open models for their time.
+    "robust": Settings(encoder="dinov2-b", segmenter="sam2.1-base", side_px=518),
+}

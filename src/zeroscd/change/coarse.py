@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from zeroscd.change.distance import patch_distance
-from zeroscd.change.fusion import fixed_fusion, pair_fusion, to_photo
+from zeroscd.change.fusion import fixed_fusion, pair_fusion, search_radii, to_photo
 from zeroscd.records import CoarseChange
 
 if TYPE_CHECKING:
@@ -38,15 +38,18 @@ def find_coarse_change(
         unseen: (H, W) pixels of this photo that the other does not show; they are neither
             changed nor unchanged.
     """
+    grids = [m.grid for m in maps_here]
     levels = [
         patch_distance(
             here,
             there,
             carry(here.grid.centres_xy()),
             sampling=settings.sampling,
-            search_radius=settings.search_radius,
+            search_radius=radius,
         )
-        for here, there in zip(maps_here, maps_there, strict=True)
+        for here, there, radius in zip(
+            maps_here, maps_there, search_radii(grids, settings.search_radius), strict=True
+        )
     ]
     if unseen.all() or not all(level.known.any() for level in levels):
         nowhere = np.zeros(unseen.shape, dtype=np.float32)
@@ -56,18 +59,19 @@ def find_coarse_change(
             unknown=np.ones(unseen.shape, dtype=bool),
             tau=tau,
         )
-    fusion = fixed_fusion(len(levels), settings.tau if settings.tau is not None else tau)
+    fusion = fixed_fusion(grids, tau)
     if settings.threshold == "pair":
         fusion = pair_fusion(
             levels,
+            grids,
             background_quantile=settings.background_quantile,
             share=settings.tau_share,
         )
-        if settings.tau is not None:
-            fusion = fusion._replace(tau=settings.tau)
+    if settings.tau is not None:
+        fusion = fusion._replace(tau=settings.tau)
     distance = np.zeros(unseen.shape, dtype=np.float32)
-    for weight, level, here in zip(fusion.weights, levels, maps_here, strict=True):
-        distance += weight * to_photo(level.distance, here.grid, size_hw=unseen.shape)
+    for weight, level, grid in zip(fusion.weights, levels, grids, strict=True):
+        distance += weight * to_photo(level.distance, grid, size_hw=unseen.shape)
     distance[unseen] = 0.0
     return CoarseChange(
         distance=distance,

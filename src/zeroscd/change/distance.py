@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Descriptors, Map, Mask, PointsXy
     from zeroscd.records import FeatureMap
 
+HALF_PATCH = 0.5  # how far a patch reaches beyond its centre, in cells
 LENGTH_FLOOR = 1e-9  # a sum of opposite descriptors has no direction to normalise
 
 
@@ -50,8 +51,7 @@ def patch_distance(
     rows, cols = here.grid.size_hw
     cells_xy = there.grid.to_cells(centres_there_xy)
     size_xy = np.array(there.grid.size_hw[::-1])
-    # a patch reaches half a patch beyond its centre
-    known = ((cells_xy >= -0.5) & (cells_xy <= size_xy - 0.5)).all(axis=1)
+    known = ((cells_xy >= -HALF_PATCH) & (cells_xy <= size_xy - 1 + HALF_PATCH)).all(axis=1)
     flat = here.descriptors.reshape(rows * cols, -1)[known]
     cosine = np.full(len(flat), -1.0, dtype=np.float32)
     span = range(-search_radius, search_radius + 1)
@@ -75,7 +75,7 @@ def sample(
     cells = np.clip(cells_xy, 0, last_xy)
     if sampling == "nearest":
         col, row = np.floor(cells + 0.5).astype(np.intp).T
-        return descriptors[row, col]
+        return np.asarray(descriptors[row, col])
     low = np.minimum(np.floor(cells).astype(np.intp), np.maximum(last_xy - 1, 0))
     high = np.minimum(low + 1, last_xy)
     right, down = (cells - low).astype(np.float32).T[..., None]

@@ -11,11 +11,14 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from zeroscd.arrays import Map
     from zeroscd.change.distance import PatchDistance
     from zeroscd.images.grid import PatchGrid
 
 UNRELATED = math.sqrt(2.0)  # expected distance of two unit vectors that have nothing in common
+ROOM_POWER = 4  # of three tried (2, 4, 6) the best on the development pairs as a whole
 LEAST_ROOM = 0.02  # a depth whose background is already unrelated keeps this little say
 
 
@@ -31,23 +34,29 @@ class Fusion(NamedTuple):
     tau: float
 
 
-def fixed_fusion(depths: int, tau: float) -> Fusion:
-    """Let every depth count the same, with the encoder's own threshold."""
-    return Fusion((1.0 / depths,) * depths, tau)
+def fixed_fusion(grids: Sequence[PatchGrid], tau: float) -> Fusion:
+    """Let every patch size count the same, with the encoder's own threshold."""
+    say = _say(grids)
+    return Fusion(tuple(float(w) for w in say / say.sum()), tau)
 
 
 def pair_fusion(
-    levels: Sequence[PatchDistance], *, background_quantile: float, share: float
+    levels: Sequence[PatchDistance],
+    grids: Sequence[PatchGrid],
+    *,
+    background_quantile: float,
+    share: float,
 ) -> Fusion:
     """Fit weights and threshold to what this pair's unchanged part looks like.
 
     Light, season and parallax raise the distance of everything, more so at fine depths. The lower
     quantile of a depth's distances is its background b; sqrt(2) is the distance of unrelated
-    things. A depth counts by the square of the room in between, r = sqrt(2) - b, and the
+    things. A depth counts by the fourth power of the room in between, r = sqrt(2) - b, and the
     threshold lies at b + share * r.
 
     Args:
-        levels: Distances at each depth; at least one patch must be known.
+        levels: Distances at each depth; at least one patch must be known at each.
+        grids: Their patch grids.
         background_quantile: 0..1, well below the share of a photo that never changes.
         share: 0..1, where between background and unrelated the threshold lies.
     """
@@ -55,9 +64,37 @@ def pair_fusion(
         [np.quantile(level.distance[level.known], background_quantile) for level in levels]
     )
     room = np.maximum(UNRELATED - background, LEAST_ROOM)
-    weights = room**2 / np.sum(room**2)
+    weights = _say(grids) * room**ROOM_POWER
+    weights /= weights.sum()
     tau = float(np.sum(weights * (background + share * room)))
     return Fusion(tuple(float(w) for w in weights), tau)
+
+
+def search_radii(grids: Sequence[PatchGrid], search_radius: int) -> tuple[int, ...]:
+    """Return the search radius of each depth, in its own patches.
+
+    The coarsest patches are searched as asked; each halving of the patch takes one off, for fine
+    depths are there to tell where, and a search would blur it.
+
+    Example:
+        >>> from zeroscd.images.grid import PatchGrid
+        >>> sizes = [(2, 2), (4, 4), (16, 16)]
+        >>> search_radii([PatchGrid.covering((64, 64), size_hw=s) for s in sizes], 2)
+        (2, 1, 0)
+    """
+    octaves = _octaves(grids)
+    return tuple(max(0, search_radius - int(octave)) for octave in octaves - octaves.min())
+
+
+def _say(grids: Sequence[PatchGrid]) -> NDArray[np.float64]:
+    """Depths of one patch size share one say."""
+    octaves = _octaves(grids)
+    return np.array([1.0 / np.count_nonzero(octaves == octave) for octave in octaves])
+
+
+def _octaves(grids: Sequence[PatchGrid]) -> NDArray[np.float64]:
+    """How many times smaller than a pixel-wide unit each depth's patches are, in halvings."""
+    return np.round(-np.log2([grid.patch_px for grid in grids]))
 
 
 def to_photo(level_map: Map, grid: PatchGrid, *, size_hw: tuple[int, int]) -> Map:

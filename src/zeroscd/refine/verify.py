@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -16,44 +16,50 @@ if TYPE_CHECKING:
     from zeroscd.refine.vote import Flagged
 
 
+class Verification(NamedTuple):
+    """How a flagged outline is checked against the other photo.
+
+    Attributes:
+        verify: "overlap" tests the counterpart s' by area(w and s') / area(w), where w is the
+            carried outline; "iou" by their intersection over union; "off" confirms all.
+        beta: An outline is confirmed when the highest ratio stays below it.
+    """
+
+    verify: Literal["overlap", "iou", "off"]
+    beta: float
+
+
 def confirm(
     flagged: Sequence[Flagged],
-    others: Segments,
+    segments: tuple[Segments, Segments],
     carry: Callable[[Mask], Mask],
-    *,
-    verify: Literal["overlap", "iou", "off"],
-    beta: float,
+    rule: Verification,
 ) -> list[Flagged]:
     """Keep the flagged outlines that have no counterpart in the other photo.
 
     Args:
-        flagged: Outlines of one photo, of the size that `carry` takes.
-        others: Outlines of the other photo.
+        flagged: Outlines of one photo.
+        segments: All outlines of that photo, and all of the other one.
         carry: Brings a mask from this photo to the other.
-        verify: "overlap" chooses the counterpart s' and tests it by area(w and s') / area(w),
-            where w is the carried outline; "iou" by their intersection over union; "off" keeps
-            all.
-        beta: An outline is confirmed when the ratio stays below it; one that is carried out of
-            the other photo has ratio 0.
+        rule: How to compare; an outline that is carried out of the other photo has ratio 0.
 
     Source: ZeroSCD, section III-E; the paper leaves the ratio's threshold open.
     """
-    if verify == "off":
+    own, others = segments
+    if rule.verify == "off":
         return list(flagged)
-    return [f for f in flagged if _best_ratio(carry, f, others, verify=verify) < beta]
+    return [
+        f
+        for f in flagged
+        if _best_ratio(carry(f.segment.mask(own.size_hw)), others, verify=rule.verify) < rule.beta
+    ]
 
 
-def _best_ratio(
-    carry: Callable[[Mask], Mask],
-    flagged: Flagged,
-    others: Segments,
-    *,
-    verify: Literal["overlap", "iou"],
-) -> float:
-    carried = Segment.from_mask(carry(flagged.segment))
-    if carried is None:
+def _best_ratio(carried: Mask, others: Segments, *, verify: Literal["overlap", "iou"]) -> float:
+    outline = Segment.from_mask(carried)
+    if outline is None:
         return 0.0
-    return max((ratio(carried, other, verify=verify) for other in others), default=0.0)
+    return max((ratio(outline, other, verify=verify) for other in others), default=0.0)
 
 
 def ratio(carried: Segment, other: Segment, *, verify: Literal["overlap", "iou"]) -> float:
