@@ -14,6 +14,7 @@ from zeroscd.alignment.align import align
 from zeroscd.alignment.homography import apply, invert
 from zeroscd.alignment.warp import unseen, warp_map, warp_mask
 from zeroscd.change.coarse import find_coarse_change
+from zeroscd.images.contrast import is_blank
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models, load_models
 from zeroscd.records import CoarseChange
@@ -109,7 +110,9 @@ class Detector:
             maps_t0, maps_t1 = self.models.encoder.encode([photo_t0.pixels, photo_t1.pixels])
         with clock.stage("align"):
             sizes_hw = (photo_t0.size_hw, photo_t1.size_hw)
-            alignment = align(maps_t0, maps_t1, self.settings.align, sizes_hw=sizes_hw)
+            alignment = _blankness(photo_t0, photo_t1) or align(
+                maps_t0, maps_t1, self.settings.align, sizes_hw=sizes_hw
+            )
             pair = Pair(photo_t0, photo_t1, maps_t0, maps_t1, _transfer(alignment, *sizes_hw))
         with clock.stage("coarse"):
             coarse_t0, coarse_t1 = self._coarse(pair)
@@ -255,6 +258,14 @@ class Clock:
         start = time.perf_counter()
         yield
         self.seconds[name] = round(time.perf_counter() - start, 4)
+
+
+def _blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:
+    for photo, when in ((photo_t0, "before"), (photo_t1, "after")):
+        if is_blank(photo.pixels):
+            reason = f"the photo {when} is blank: there is nothing to align"
+            return NotAligned(reason=reason, inliers=0, matches=0)
+    return None
 
 
 def _transfer(

@@ -4,18 +4,49 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from zeroscd.errors import SettingsError
+from zeroscd.weights.backend import require_installed
+from zeroscd.weights.store import require
 
 if TYPE_CHECKING:
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.segmenters.port import Segmenter
     from zeroscd.settings import Settings
 
-# name -> module with a function load(settings, device); imported only when asked for
-ENCODERS: dict[str, str] = {"lite": "zeroscd.encoders.lite"}
-SEGMENTERS: dict[str, str] = {"lite": "zeroscd.segmenters.lite"}
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """How a model is made when it is asked for.
+
+    Attributes:
+        module: Has a function load(settings, device); imported only then.
+        weights: Name of its row in the catalogue of weights; None = it brings its own.
+        extra: It needs the packages of zeroscd[models].
+    """
+
+    module: str
+    weights: str | None = None
+    extra: bool = False
+
+
+def _recipes(module: str, *names: str, extra: bool = True) -> dict[str, Recipe]:
+    return {name: Recipe(module=module, weights=name, extra=extra) for name in names}
+
+
+ENCODERS: dict[str, Recipe] = {
+    "lite": Recipe(module="zeroscd.encoders.lite"),
+    **_recipes("zeroscd.encoders.placeformer", "placeformer", "r2former", extra=False),
+    **_recipes("zeroscd.encoders.dino", "dinov2-s", "dinov2-s-reg", "dinov2-b", "dinov2-b-reg"),
+    **_recipes("zeroscd.encoders.dino", "dinov3-s"),
+}
+SEGMENTERS: dict[str, Recipe] = {
+    "lite": Recipe(module="zeroscd.segmenters.lite"),
+    **_recipes("zeroscd.segmenters.sam", "sam-vit-b", "sam-vit-l", "sam-vit-h"),
+    **_recipes("zeroscd.segmenters.sam", "sam2.1-tiny", "sam2.1-small"),
+    **_recipes("zeroscd.segmenters.sam", "sam2.1-base", "sam2.1-large"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +60,25 @@ class Models:
 def load_models(settings: Settings, *, device: str = "auto") -> Models:
     """Load the encoder and the segmenter that the settings name.
 
+    What is missing is noticed first, by looking at files and packages: nothing heavy is imported
+    for an answer that says what to install.
+
     Raises:
-        SettingsError: An unknown encoder, segmenter or device, or a device that is not there.
+        SettingsError: An unknown encoder, segmenter or device, a device that is not there, or
+            packages that are missing.
         WeightsError: Their weights are missing or damaged.
     """
-    encoder = _module(ENCODERS, "encoder", settings.encoder)
-    segmenter = _module(SEGMENTERS, "segmenter", settings.segmenter)
+    encoder = _recipe(ENCODERS, "encoder", settings.encoder)
+    segmenter = _recipe(SEGMENTERS, "segmenter", settings.segmenter)
+    require(recipe.weights for recipe in (encoder, segmenter) if recipe.weights)
+    if encoder.extra or segmenter.extra:
+        require_installed()
     target = pick_device(device)
-    return Models(encoder.load(settings, target), segmenter.load(settings, target))
+    decided = settings.override({"precision": pick_precision(settings.precision, device=target)})
+    return Models(
+        import_module(encoder.module).load(decided, target),
+        import_module(segmenter.module).load(decided, target),
+    )
 
 
 def pick_device(name: str) -> str:
@@ -60,8 +102,24 @@ def pick_device(name: str) -> str:
     return "cpu"
 
 
-def _module(table: dict[str, str], kind: str, name: str) -> Any:  # noqa: ANN401 - a module
+def pick_precision(name: str, *, device: str) -> str:
+    """Turn "auto" into the precision that transformers compute in: "fp32" or "bf16".
+
+    Graphics cards that know bfloat16 use it: published runs of SAM lose nothing by it (docs/
+    models.md). Processors stay with single precision, the same numbers on every machine, until
+    someone asks for bf16; with AMX it doubles the speed.
+    """
+    if name != "auto":
+        return name
+    if device == "cpu":
+        return "fp32"
+    import torch  # noqa: PLC0415 - loaded already when the device is not the processor
+
+    return "bf16" if torch.cuda.is_bf16_supported() else "fp32"
+
+
+def _recipe(table: dict[str, Recipe], kind: str, name: str) -> Recipe:
     if name not in table:
         message = f"unknown {kind} {name!r}; choose one of: {', '.join(table)}"
         raise SettingsError(message)
-    return import_module(table[name])
+    return table[name]

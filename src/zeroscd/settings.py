@@ -71,7 +71,7 @@ class Settings:
 
     encoder: str = "lite"
     segmenter: str = "lite"
-    side_px: int = 576  # lite looks at photos resized to about this squared
+    side_px: int = 672  # lite looks at photos resized to about this squared
     layer: int | None = None  # block of a transformer encoder to compare; none = its own choice
     precision: Literal["auto", "fp32", "bf16"] = "auto"  # of transformers; auto = by device
     frame: Literal["t0", "t1"] = "t1"  # the photo whose pixels the final mask is drawn in
@@ -105,6 +105,32 @@ class Settings:
                 changed = _replace_leaf(changed, name, value)
         return changed
 
+
+# Lowest and highest value of the settings that are numbers; both may be taken.
+RANGES: dict[str, tuple[float, float]] = {
+    "side_px": (32, 8192),
+    "layer": (0, 1000),
+    "inlier_patches": (0.01, 100),
+    "min_inliers": (4, 1_000_000),
+    "min_inlier_ratio": (0, 1),
+    "refine_radius": (0, 32),
+    "seed": (0, 2**31 - 1),
+    "tau": (0, 2),
+    "background_quantile": (0, 1),
+    "tau_share": (0, 1),
+    "search_radius": (0, 32),
+    "points_per_side": (1, 512),
+    "points_per_batch": (1, 65_536),
+    "pred_iou": (0, 1),
+    "stability": (0, 1),
+    "box_nms": (0, 1),
+    "crop_layers": (0, 4),
+    "min_speck_px": (0, 1_000_000_000),
+    "alpha": (0, 1),
+    "beta": (0, 1),
+    "least_peak": (0, 1),
+    "min_area_px": (0, 1_000_000_000),
+}
 
 # The literal reading of every point that the paper leaves open (docs/method.md).
 PAPER_RULES: dict[str, object] = {
@@ -172,11 +198,10 @@ def _replace_leaf(settings: Settings, name: str, value: object) -> Settings:
         message = f"unknown setting {name!r}; known: {', '.join(leaf_names())}"
         raise SettingsError(message)
     branch, hint = _LEAVES[name]
-    parsed = _parse(name, value, hint)
-    if branch is None:
-        return dataclasses.replace(settings, **{name: parsed})
-    part = dataclasses.replace(getattr(settings, branch), **{name: parsed})
-    return dataclasses.replace(settings, **{branch: part})
+    change: dict[str, Any] = {name: _parse(name, value, hint)}
+    if branch is not None:
+        change = {branch: dataclasses.replace(getattr(settings, branch), **change)}
+    return dataclasses.replace(settings, **change)
 
 
 def _parse(name: str, value: object, hint: Any) -> object:  # noqa: ANN401 - a type annotation
@@ -190,20 +215,31 @@ def _parse(name: str, value: object, hint: Any) -> object:  # noqa: ANN401 - a t
         if value is None or str(value).lower() == "none":
             return None
         hint = next(part for part in get_args(hint) if part is not type(None))
-    try:
-        number = hint(value)
-    except (TypeError, ValueError):
-        number = None
+    number = _convert(value, hint)
     if number is None or (isinstance(number, float) and not math.isfinite(number)):
         message = f"setting {name} needs a {hint.__name__}, not {value!r}"
+        raise SettingsError(message)
+    lowest, highest = RANGES.get(name, (None, None))
+    if lowest is not None and not lowest <= number <= highest:
+        message = f"setting {name} must lie between {lowest} and {highest}, not at {value!r}"
         raise SettingsError(message)
     return number
 
 
+def _convert(value: object, hint: Any) -> Any:  # noqa: ANN401 - a type annotation, a value of it
+    """Turn a value into what a setting holds; None where that cannot be without a loss."""
+    if hint is int and isinstance(value, float) and not value.is_integer():
+        return None
+    try:
+        return hint(value)
+    except (TypeError, ValueError):
+        return None
+
+
 PRESETS: dict[str, Settings] = {
     "lite": Settings(
-        change=ChangeSettings(threshold="pair", tau_share=0.53, search_radius=2),
-        refine=RefineSettings(alpha=0.75, verify="off", least_peak=0.6, kinds="novelty"),
+        change=ChangeSettings(threshold="pair", tau_share=0.5, search_radius=2),
+        refine=RefineSettings(alpha=0.7, verify="off", least_peak=0.75, kinds="novelty"),
     ),
     # The paper's literal reading; VL-CMU-CD at its own size. DINOv2 is trained at 518 pixels.
     "paper": _literally("placeformer", side_px=512),

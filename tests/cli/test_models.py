@@ -106,6 +106,20 @@ def test_offline_the_error_names_file_hash_and_command(toy: WeightFile) -> None:
     assert "zeroscd models fetch toy --from toy.pth" in message
 
 
+def test_a_failed_fetch_leaves_one_line_on_stderr_and_nothing_on_stdout(toy: WeightFile) -> None:
+    code = "import sys; from zeroscd.cli.main import run; sys.exit(run(sys.argv[1:]))"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "models", "fetch", "sam-vit-b"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: sam-vit-b was not fetched: ZEROSCD_OFFLINE is set")
+
+
 def test_verify_looks_at_everything_that_is_here(toy: WeightFile, folder: Path) -> None:
     folder.mkdir()
     (folder / toy.file).write_bytes(CONTENT)

@@ -31,7 +31,8 @@ def align(
 
     All patches are matched with all on one map; each finer map then sharpens the estimate. The
     random draws of RANSAC depend on which photo comes first, so the photos are put into an order
-    that does not depend on which is before: swapped photos get exactly the inverse.
+    that does not depend on which is before: swapped photos get exactly the inverse. Not so with
+    matching "argmax", which the paper defines by the rows of t0.
 
     Args:
         maps_t0: Feature maps of the photo before, from coarse to fine.
@@ -39,8 +40,9 @@ def align(
         settings: Tolerances and rules.
         sizes_hw: Height and width of the photo before and of the photo after.
     """
+    symmetric = settings.matching == "mutual"
     swapped = maps_t1[-1].descriptors.tobytes() < maps_t0[-1].descriptors.tobytes()
-    if not swapped:
+    if not (symmetric and swapped):
         return _align_in_order(maps_t0, maps_t1, settings, sizes_hw=sizes_hw)
     found = _align_in_order(maps_t1, maps_t0, settings, sizes_hw=sizes_hw[::-1])
     if isinstance(found, NotAligned):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from zeroscd.settings import ChangeSettings
 
 
-def find_coarse_change(
+def find_coarse_change(  # noqa: PLR0913 - what step 4 needs, each by its name
     maps_here: tuple[FeatureMap, ...],
     maps_there: tuple[FeatureMap, ...],
     carry: Callable[[PointsXy], PointsXy],

@@ -94,7 +94,8 @@ def _say(grids: Sequence[PatchGrid]) -> NDArray[np.float64]:
 
 def _octaves(grids: Sequence[PatchGrid]) -> NDArray[np.float64]:
     """How many times smaller than a pixel-wide unit each depth's patches are, in halvings."""
-    return np.round(-np.log2([grid.patch_px for grid in grids]))
+    patch_px = np.array([grid.patch_px for grid in grids], dtype=np.float64)
+    return np.asarray(np.round(-np.log2(patch_px)))
 
 
 def to_photo(level_map: Map, grid: PatchGrid, *, size_hw: tuple[int, int]) -> Map:

@@ -11,6 +11,7 @@ import typer
 from zeroscd import __version__
 from zeroscd.cli import models
 from zeroscd.cli.ablate import ablate
+from zeroscd.cli.bench import bench
 from zeroscd.cli.console import fail
 from zeroscd.cli.demo import demo
 from zeroscd.cli.detect import detect
@@ -35,6 +36,7 @@ app.command()(demo)
 app.command()(detect)
 app.command()(evaluate)
 app.command()(ablate)
+app.command()(bench)
 app.add_typer(models.app, name="models")
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from zeroscd.cli.console import warn
 from zeroscd.errors import WeightsError
 from zeroscd.weights.catalogue import CATALOGUE, find
 from zeroscd.weights.fetch import adopt, fetch
@@ -102,21 +103,22 @@ def _confess(row: WeightFile) -> None:
     """Say on stderr what could not be checked."""
     if not row.sha256:
         digest = digest_of(path_of(row))
-        typer.echo(
-            f"{row.name}: nobody published a digest; this file's sha256 is {digest}", err=True
-        )
+        warn(f"nobody published a digest of {row.name}; the sha256 of this file is {digest}")
 
 
 def _bars() -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
+    console = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         DownloadColumn(),
         TransferSpeedColumn(),
-        console=Console(stderr=True),
+        console=console,
+        transient=True,  # what stays on the screen is the path, or one line about what went wrong
+        disable=not console.is_terminal,
     )
 
 

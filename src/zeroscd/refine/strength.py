@@ -30,11 +30,14 @@ def keep_strong(mask: Mask, coarse: CoarseChange, *, least_peak: float) -> Mask:
         return mask.copy()
     known = ~coarse.unknown
     excess = np.where(known, coarse.distance - np.float32(coarse.tau), np.float32(-coarse.tau))
-    smooth = cv2.GaussianBlur(excess, (0, 0), SMOOTHING_SHARE * min(mask.shape))
+    smooth = np.asarray(
+        cv2.GaussianBlur(excess, (0, 0), SMOOTHING_SHARE * min(mask.shape)), dtype=np.float64
+    )
     strongest = float(np.quantile(smooth[known], STRONGEST_QUANTILE))
     count, labels = cv2.connectedComponents(mask.astype(np.uint8))
     peaks = np.full(count, -np.inf)
-    np.maximum.at(peaks, labels[mask & known], smooth[mask & known])
+    seen = mask & known
+    np.maximum.at(peaks, np.asarray(labels[seen], dtype=np.intp), smooth[seen])
     stays = peaks >= least_peak * strongest
     stays[0] = False  # what is not flagged
     return np.asarray(stays[labels], dtype=bool)

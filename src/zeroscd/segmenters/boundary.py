@@ -10,6 +10,7 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 import torch
+from safetensors import SafetensorError
 from safetensors.torch import load as load_safetensors
 from torch import nn
 from torch.nn import functional
@@ -54,8 +55,9 @@ class BoundaryHead(nn.Module):
         ):
             x = x + _grow(narrow(level), stride // STRIDE_PX, x.shape[-2:])
         x = functional.relu(self.mix(functional.relu(x)))
-        x = x + functional.relu(self.look(x))
-        return self.decide(x)
+        x = functional.relu(self.look(x)) + x
+        logits: torch.Tensor = self.decide(x)
+        return logits
 
 
 def _grow(level: torch.Tensor, factor: int, size_hw: tuple[int, int]) -> torch.Tensor:
@@ -95,7 +97,7 @@ def load_head() -> BoundaryHead:
     file = resources.files(__package__) / WEIGHTS_FILE
     try:
         head.load_state_dict(load_safetensors(file.read_bytes()), strict=True)
-    except (OSError, RuntimeError, ValueError) as cause:
+    except (OSError, RuntimeError, ValueError, SafetensorError) as cause:
         message = f"{file} is damaged; reinstall: pip install --force-reinstall zeroscd"
         raise WeightsError(message) from cause
-    return head.eval()
+    return head.eval().to(memory_format=torch.channels_last)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -61,7 +61,9 @@ def _basins(boundary: Map) -> NDArray[np.int32]:
     minima = cv2.erode(levels, window) == levels
     _, labels = cv2.connectedComponents(minima.astype(np.uint8), connectivity=8)
     relief = cv2.cvtColor(np.round(smooth * 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
-    labels = cv2.watershed(relief, labels.astype(np.int32))
+    # OpenCV's watershed erases the outermost cells, and with them the basins along the rim.
+    relief, seeds = _with_rim(relief), _with_rim(labels.astype(np.int32))
+    labels = cv2.watershed(relief, seeds)[1:-1, 1:-1]
     lines = labels <= 0  # the watershed leaves a line of cells between basins
     while lines.any():
         grown = cv2.dilate(np.where(lines, 0, labels).astype(np.float32), np.ones((3, 3)))
@@ -69,6 +71,11 @@ def _basins(boundary: Map) -> NDArray[np.int32]:
         lines = labels <= 0
     _, dense = np.unique(labels, return_inverse=True)
     return np.asarray(dense.reshape(boundary.shape), dtype=np.int32)
+
+
+def _with_rim(cells: NDArray[Any]) -> NDArray[Any]:
+    """Repeat the outermost cells once on every side."""
+    return np.asarray(cv2.copyMakeBorder(cells, 1, 1, 1, 1, cv2.BORDER_REPLICATE))
 
 
 def _borders(leaf_of: NDArray[np.int32], boundary: Map) -> list[dict[int, tuple[float, int]]]:

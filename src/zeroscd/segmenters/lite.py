@@ -79,7 +79,7 @@ def _to_photo(leaf_of: NDArray[np.int32], photo_hw: tuple[int, ...]) -> NDArray[
     cols = ((np.arange(width) + 0.5) * scale_x - 0.5) / STRIDE_PX
     row = np.clip(np.floor(rows + 0.5).astype(np.intp), 0, leaf_of.shape[0] - 1)
     col = np.clip(np.floor(cols + 0.5).astype(np.intp), 0, leaf_of.shape[1] - 1)
-    return leaf_of[row[:, None], col[None, :]]
+    return np.asarray(leaf_of[row[:, None], col[None, :]])
 
 
 def _outlines(
@@ -111,7 +111,7 @@ def _below(hierarchy: Hierarchy, per_leaf: NDArray[np.intp]) -> NDArray[np.intp]
 
 
 def _boxes(leaf_of: NDArray[np.int32], leaves: int) -> NDArray[np.intp]:
-    """Left, top, right, bottom (exclusive) of every leaf; a leaf without pixels gets an empty one."""
+    """Left, top, right, bottom (exclusive) of every leaf; without pixels, an empty box."""
     rows, cols = np.indices(leaf_of.shape)
     flat = leaf_of.ravel()
     boxes = np.empty((leaves, 4), dtype=np.intp)

@@ -12,7 +12,10 @@ if TYPE_CHECKING:
 class Segmenter(Protocol):
     """Cuts a photo into class-agnostic outlines that may overlap and nest."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """The name by which settings ask for it."""
+        ...
 
     def segment(
         self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None

@@ -1,0 +1,57 @@
+"""Place-recognition ViT-S/16: PlaceFormer, and R2Former, whose weights can be had."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from zeroscd.encoders.checkpoint import read_vit
+from zeroscd.encoders.taus import TAUS
+from zeroscd.encoders.transformer import TransformerEncoder, checked_layer
+from zeroscd.weights.safe import read_tensors
+from zeroscd.weights.store import require
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from zeroscd.encoders.vit import VisionTransformer
+    from zeroscd.settings import Settings
+
+# Which block's patch tokens are compared. PlaceFormer pools those after the last one (arXiv
+# 2401.13082); R2Former matches those before it (arXiv 2304.03410, model/network.py).
+LAYERS = {"placeformer": 12, "r2former": 11}
+
+
+def load(settings: Settings, device: str) -> TransformerEncoder:
+    """Load the encoder that the settings name.
+
+    Raises:
+        WeightsError: The weights are missing, damaged or of another network.
+        SettingsError: The network has no such layer.
+    """
+    path = require([settings.encoder])[settings.encoder]
+    network = read_vit(read_tensors(path), source=str(path))
+    return wrap(network, settings, device=device)
+
+
+def wrap(network: VisionTransformer, settings: Settings, *, device: str) -> TransformerEncoder:
+    """Make an encoder of a network.
+
+    Raises:
+        SettingsError: The network has no such layer.
+    """
+    layer = checked_layer(settings.layer or LAYERS[settings.encoder], depth=network.shape.depth)
+
+    def patches(pixels: Tensor) -> Tensor:
+        return network.tokens(pixels, layer=layer)[1]
+
+    network.to(device)
+    return TransformerEncoder(
+        name=settings.encoder,
+        tau=TAUS[settings.encoder].value,
+        patch_px=network.shape.patch_px,
+        side_px=settings.side_px,
+        network=patches,
+        placer=None if network.shape.head_dim is None else network.place,
+        device=device,
+        half=settings.precision == "bf16",
+    )

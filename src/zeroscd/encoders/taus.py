@@ -1,0 +1,37 @@
+"""The change threshold of each encoder, and where the number comes from.
+
+A threshold belongs to its encoder: the distances of one network's descriptors say nothing about
+another's (docs/method.md). Where nobody could calibrate one, the source says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+PAPER_TAU = 0.65  # arXiv 2409.15255, section IV: distance of unit descriptors, cosine < .789
+
+_BORROWED = "the paper's value for PlaceFormer; its ablation names none for this encoder"
+
+
+@dataclass(frozen=True, slots=True)
+class Tau:
+    """A threshold on the distance of unit descriptors, 0..2.
+
+    Attributes:
+        value: The threshold.
+        source: Where it comes from.
+    """
+
+    value: float
+    source: str
+
+
+TAUS: dict[str, Tau] = {
+    "placeformer": Tau(PAPER_TAU, "arXiv 2409.15255, ablation on VL-CMU-CD"),
+    "r2former": Tau(PAPER_TAU, "the paper's value for PlaceFormer; not calibrated for this one"),
+    "dinov2-s": Tau(PAPER_TAU, _BORROWED),
+    "dinov2-s-reg": Tau(PAPER_TAU, _BORROWED),
+    "dinov2-b": Tau(PAPER_TAU, _BORROWED),
+    "dinov2-b-reg": Tau(PAPER_TAU, _BORROWED),
+    "dinov3-s": Tau(PAPER_TAU, "the paper's value for PlaceFormer; not calibrated for this one"),
+}

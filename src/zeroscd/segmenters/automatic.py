@@ -1,0 +1,168 @@
+"""SAM's automatic masks: ask at a grid of points, keep what is good, stable and new.
+
+Source: arXiv 2304.02643 (Segment Anything), section 5 and appendix B.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from zeroscd.records import Segment, Segments
+from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, wanted_points
+from zeroscd.segmenters.selection import cut_off, distinct, stability_of, without_specks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from torch import Tensor
+
+    from zeroscd.arrays import Mask, PointsXy, Rgb
+    from zeroscd.records import FeatureMap
+    from zeroscd.settings import SegmentSettings
+
+ENLARGED_AT_ONCE = 8  # masks held at full size; each takes four bytes a pixel
+
+
+class PromptNetwork(Protocol):
+    """A network that answers points with masks."""
+
+    @property
+    def pred_iou(self) -> float:
+        """Score above which its publisher keeps a mask."""
+
+    def look(self, photo: Rgb) -> Any:  # noqa: ANN401 - the network's own affair
+        """Do all the work that does not depend on the points."""
+
+    def ask(self, look: Any, points_xy: PointsXy) -> tuple[Tensor, Tensor]:  # noqa: ANN401
+        """Return low-resolution logits (M, h, w) and scores (M,), several in turn for a point."""
+
+    def enlarge(self, look: Any, logits: Tensor) -> Tensor:  # noqa: ANN401
+        """Bring logits (M, h, w) to the size of the photo, (M, H, W)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A mask that passed the filters.
+
+    Attributes:
+        segment: The mask, in pixels of the photo.
+        score: The network's own guess at its IoU with the truth.
+        crop: Where it was found.
+    """
+
+    segment: Segment
+    score: float
+    crop: Crop
+
+    @property
+    def box_xyxy(self) -> tuple[int, int, int, int]:
+        """Left, top and the last column and row."""
+        x, y, w, h = self.segment.bbox_xywh
+        return x, y, x + w - 1, y + h - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutomaticSegmenter:
+    """A segmenter around a network that answers points.
+
+    Attributes:
+        name: The name by which settings ask for it.
+        network: Loaded and on its device.
+        settings: Grid, filters and crops.
+    """
+
+    name: str
+    network: PromptNetwork
+    settings: SegmentSettings
+
+    def segment(
+        self,
+        photo: Rgb,
+        features: tuple[FeatureMap, ...],
+        *,
+        where: Mask | None,
+    ) -> Segments:
+        """Return the outlines of one photo, best first; without a wanted place, do nothing.
+
+        Args:
+            photo: (H, W, 3) uint8 RGB.
+            features: Not needed.
+            where: (H, W) only outlines around these places are wanted; None = everywhere.
+        """
+        photo_hw = photo.shape[:2]
+        found: list[Candidate] = []
+        for crop, points_xy in self._plan(photo_hw, where):
+            found += self._best(list(self._masks(photo, crop, points_xy)), by_crop=False)
+        if self.settings.crop_layers:
+            found = self._best(found, by_crop=True)
+        if self.settings.min_speck_px:
+            found = self._cleaned(found, photo_hw)
+        return Segments(size_hw=photo_hw, items=tuple(one.segment for one in found))
+
+    def _plan(
+        self, photo_hw: tuple[int, int], where: Mask | None
+    ) -> Iterator[tuple[Crop, PointsXy]]:
+        """Crops with a point to ask about; the others are never looked at."""
+        per_side = self.settings.points_per_side
+        for crop in crops_of(photo_hw, layers=self.settings.crop_layers):
+            points_xy = grid_points(crop.size_hw, per_side=per_side)
+            if where is not None:
+                points_xy = wanted_points(points_xy, crop, where, per_side=per_side)
+            if len(points_xy):
+                yield crop, points_xy
+
+    def _masks(self, photo: Rgb, crop: Crop, points_xy: PointsXy) -> Iterator[Candidate]:
+        x0, y0, x1, y1 = crop.box_xyxy
+        look = self.network.look(photo[y0:y1, x0:x1])
+        for start in range(0, len(points_xy), self.settings.points_per_batch):
+            batch = points_xy[start : start + self.settings.points_per_batch]
+            logits, scores = self._promising(*self.network.ask(look, batch))
+            for first in range(0, len(logits), ENLARGED_AT_ONCE):
+                few = slice(first, first + ENLARGED_AT_ONCE)
+                full = self.network.enlarge(look, logits[few])
+                yield from self._stable(full, scores[few], crop, photo.shape[:2])
+
+    def _promising(self, logits: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
+        """Drop by score before anything is enlarged."""
+        chosen = self.settings.pred_iou
+        keep = scores > (self.network.pred_iou if chosen is None else chosen)
+        return logits[keep], scores[keep]
+
+    def _stable(
+        self, logits: Tensor, scores: Tensor, crop: Crop, photo_hw: tuple[int, int]
+    ) -> Iterator[Candidate]:
+        keep = stability_of(logits) >= self.settings.stability
+        masks = (logits[keep] > 0).cpu().numpy()
+        for mask, score in zip(masks, scores[keep].tolist(), strict=True):
+            segment = Segment.from_mask(mask, offset_xy=crop.box_xyxy[:2])
+            if segment is None:
+                continue
+            candidate = Candidate(segment, score, crop)
+            if not cut_off(candidate.box_xyxy, crop, photo_hw):
+                yield candidate
+
+    def _best(self, found: list[Candidate], *, by_crop: bool) -> list[Candidate]:
+        """Drop repetitions: in a crop the better score stays, between crops the smaller crop."""
+        scores = [1 / one.crop.area_px if by_crop else one.score for one in found]
+        return self._distinct(found, scores)
+
+    def _distinct(self, found: list[Candidate], scores: list[float]) -> list[Candidate]:
+        boxes = np.array([one.box_xyxy for one in found], dtype=float).reshape(-1, 4)
+        kept = distinct(boxes, np.array(scores), overlap=self.settings.box_nms)
+        return [found[index] for index in kept]
+
+    def _cleaned(self, found: list[Candidate], photo_hw: tuple[int, int]) -> list[Candidate]:
+        """Remove specks; of masks that became alike, one that needed no cleaning stays."""
+        cleaned: list[Candidate] = []
+        untouched: list[float] = []
+        for one in found:
+            before = one.segment.mask(photo_hw)
+            after = without_specks(before, least_px=self.settings.min_speck_px)
+            segment = Segment.from_mask(after)
+            if segment is not None:
+                cleaned.append(Candidate(segment, one.score, one.crop))
+                untouched.append(float(np.array_equal(before, after)))
+        return self._distinct(cleaned, untouched)

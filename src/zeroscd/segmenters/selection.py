@@ -1,0 +1,109 @@
+"""Which of SAM's many masks are kept: good ones, whole ones, and each only once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import torch
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from zeroscd.arrays import Mask
+    from zeroscd.segmenters.prompts import Crop
+
+EDGE_PX = 20.0  # a mask this near to a crop's edge is cut off by it (SAM's published value)
+SHORT = 2**15  # what a 16-bit number counts up to
+STABILITY_OFFSET = 1.0  # how much higher and lower a mask is cut, in logits (SAM)
+
+
+def stability_of(logits: Tensor) -> Tensor:
+    """Return how little each mask changes when it is cut a little higher or lower, (M,) 0..1.
+
+    The IoU of both cuts; one lies inside the other. A mask that is empty at the lower cut gets 0.
+
+    Args:
+        logits: (M, H, W); above 0 is inside.
+
+    Source: arXiv 2304.02643, appendix B.
+    """
+    inner, outer = _count(logits > STABILITY_OFFSET), _count(logits > -STABILITY_OFFSET)
+    return inner / outer.clamp(min=1)
+
+
+def _count(masks: Tensor) -> Tensor:
+    """Count pixels, (M, H, W) to (M,); torch's one-step count takes eight times as long."""
+    short = torch.int16 if masks.shape[2] < SHORT else torch.int32
+    return masks.sum(dim=2, dtype=short).sum(dim=1, dtype=torch.int32)
+
+
+def distinct(
+    boxes_xyxy: NDArray[np.float64], scores: NDArray[np.float64], *, overlap: float
+) -> list[int]:
+    """Keep the best of boxes that overlap much: greedy non-maximum suppression.
+
+    Args:
+        boxes_xyxy: (N, 4) left, top, right, bottom, as points without a size.
+        scores: (N,) the higher of two is kept; of equal ones the earlier.
+        overlap: IoU above which two boxes show one thing.
+
+    Returns:
+        Indices of the kept boxes, by falling score.
+    """
+    left, top, right, bottom = boxes_xyxy.T
+    areas = (right - left) * (bottom - top)
+    rest = np.argsort(-scores, kind="stable")
+    kept: list[int] = []
+    while rest.size:
+        best, rest = int(rest[0]), rest[1:]
+        kept.append(best)
+        wide = np.minimum(right[best], right[rest]) - np.maximum(left[best], left[rest])
+        high = np.minimum(bottom[best], bottom[rest]) - np.maximum(top[best], top[rest])
+        shared = wide.clip(min=0) * high.clip(min=0)
+        # Cross-multiplied: boxes without area (one pixel) overlap nothing and divide by nothing.
+        rest = rest[shared <= overlap * (areas[best] + areas[rest] - shared)]
+    return kept
+
+
+def cut_off(box_xyxy: tuple[int, int, int, int], crop: Crop, photo_hw: tuple[int, int]) -> bool:
+    """Tell whether a mask reaches an edge of its crop that is not an edge of the photo.
+
+    Args:
+        box_xyxy: Left, top and the last column and row of the mask, in pixels of the photo.
+        crop: Where the mask was found.
+        photo_hw: Height and width of the photo.
+    """
+    whole = (0, 0, photo_hw[1], photo_hw[0])
+    return any(
+        abs(side - own) <= EDGE_PX < abs(side - outer)
+        for side, own, outer in zip(box_xyxy, crop.box_xyxy, whole, strict=True)
+    )
+
+
+def without_specks(mask: Mask, *, least_px: int) -> Mask:
+    """Fill small holes, then drop small islands; if all are small, the largest stays.
+
+    Args:
+        mask: (H, W); unchanged.
+        least_px: Pixels that a hole or island must have to stay; neighbours touch at corners.
+    """
+    filled = mask | _components_below(~mask, least_px)
+    small = _components_below(filled, least_px)
+    if small.any() and not (filled & ~small).any():
+        small &= ~_largest(filled)
+    return filled & ~small
+
+
+def _components_below(mask: Mask, least_px: int) -> Mask:
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] < least_px
+    small[0] = False  # label 0 is what the mask leaves out
+    return np.asarray(small[labels])
+
+
+def _largest(mask: Mask) -> Mask:
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    return np.asarray(labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))

@@ -1,0 +1,47 @@
+"""Import the transformers package, or say in one line why that cannot be."""
+
+from __future__ import annotations
+
+import importlib
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from zeroscd.errors import SettingsError
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+
+def require_installed() -> None:
+    """Check that transformers is installed, without importing it.
+
+    Raises:
+        SettingsError: It is not.
+    """
+    if find_spec("transformers") is None:
+        message = "this model needs transformers; run: pip install 'zeroscd[models]'"
+        raise SettingsError(message)
+
+
+def import_transformers() -> ModuleType:
+    """Import transformers.
+
+    Raises:
+        SettingsError: It is not installed, or an installed torchvision that cannot be imported
+            stands in its way (torchvision built for another torch does that).
+    """
+    require_installed()
+    if find_spec("torchvision") is not None:
+        _check_torchvision()
+    return importlib.import_module("transformers")
+
+
+def _check_torchvision() -> None:
+    try:
+        importlib.import_module("torchvision")
+    except (ImportError, RuntimeError, OSError, AttributeError) as why:
+        message = (
+            f"the installed torchvision cannot be imported ({str(why).splitlines()[0]}), and "
+            "transformers fails with it; run: pip uninstall torchvision (zeroscd needs none)"
+        )
+        raise SettingsError(message) from why

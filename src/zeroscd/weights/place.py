@@ -1,0 +1,82 @@
+"""Put a file in its place only when it is whole: write aside, verify, move."""
+
+from __future__ import annotations
+
+import errno
+import shutil
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from filelock import FileLock
+
+from zeroscd.errors import WeightsError
+from zeroscd.weights.store import HOME_VARIABLE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # no room, no quota, no file this long
+
+
+@contextmanager
+def sole_writer(target: Path) -> Iterator[Path]:
+    """Wait until no other process writes this file, then hand out where to write it.
+
+    Yields:
+        The partial file beside the target; what an earlier try left may lie there. Nothing but
+        the caller moves it to its final name. Several processes take turns.
+
+    Raises:
+        WeightsError: The folder cannot be written.
+    """
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(target.with_name(f".{target.name}.lock"))
+        lock.acquire()
+    except OSError as why:
+        raise WeightsError(_cannot_write(target.parent, why)) from why
+    try:
+        yield target.with_name(f"{target.name}.part")
+    finally:
+        lock.release()
+
+
+def check_room(folder: Path, needed_bytes: int) -> None:
+    """Refuse to begin what cannot end.
+
+    Raises:
+        WeightsError: The disk has less room than needed.
+    """
+    free = shutil.disk_usage(folder).free
+    if free < needed_bytes:
+        message = (
+            f"the disk of {folder} is full: {needed_bytes / 1e6:.0f} MB needed, "
+            f"{free / 1e6:.0f} MB free; make room or set {HOME_VARIABLE}"
+        )
+        raise WeightsError(message)
+
+
+def fill(part: Path, chunks: Iterable[bytes], *, afresh: bool) -> None:
+    """Write chunks to the partial file; when the disk is full, give its room back.
+
+    Args:
+        part: The partial file.
+        chunks: What to write; errors of their own pass through.
+        afresh: Begin with an empty file instead of going on where it ends.
+
+    Raises:
+        WeightsError: A chunk could not be written.
+    """
+    try:
+        with part.open("wb" if afresh else "ab") as sink:
+            for chunk in chunks:
+                sink.write(chunk)
+    except OSError as why:
+        if why.errno in FULL:
+            part.unlink(missing_ok=True)
+        raise WeightsError(_cannot_write(part.parent, why)) from why
+
+
+def _cannot_write(folder: Path, why: OSError) -> str:
+    return f"cannot write in {folder}: {why.strerror}; make room or set {HOME_VARIABLE}"

@@ -1,0 +1,334 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import ceil
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import pytest
+import torch
+from torch.nn import functional
+
+from zeroscd.segmenters.automatic import AutomaticSegmenter
+from zeroscd.segmenters.sam_network import SamNetwork, sam2_pixels, sam_pixels
+from zeroscd.settings import SegmentSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from torch import Tensor
+
+    from zeroscd.records import Segments
+    from zeroscd.segmenters.sam_network import Sam2Network
+
+    Sams: TypeAlias = SamNetwork | Sam2Network
+
+SETTINGS = SegmentSettings(points_per_side=9, points_per_batch=7, stability=0.5, box_nms=0.85)
+
+
+# --- The published procedure, written plainly: one point, one full-size map, one loop at a time ---
+
+
+@dataclass
+class PlainMask:
+    mask: np.ndarray
+    score: float
+    crop: tuple[int, int, int, int]
+
+    @cached_property
+    def box(self) -> tuple[int, int, int, int]:
+        rows, cols = np.nonzero(self.mask)
+        return cols.min(), rows.min(), cols.max(), rows.max()
+
+
+def plain_embedding(network: Sams, crop: np.ndarray) -> Any:
+    pixels = sam_pixels(crop, 128) if isinstance(network, SamNetwork) else sam2_pixels(crop, 128)
+    return network.model.get_image_embeddings(pixels[None].double())
+
+
+def plain_logits(
+    network: Sams,
+    embedding: Any,
+    size_hw: tuple[int, int],
+    point_xy: np.ndarray,
+) -> tuple[Tensor, Tensor]:
+    """Ask one point of one crop; three maps of the crop's size and their scores."""
+    height, width = size_hw
+    side = 128
+    if isinstance(network, SamNetwork):
+        longest = max(height, width)
+        seen = [int(length * side / longest + 0.5) for length in (height, width)]
+    else:
+        seen = [side, side]
+    at = torch.tensor([point_xy[0] * seen[1] / width, point_xy[1] * seen[0] / height])
+    out = network.model(image_embeddings=embedding, input_points=at.double()[None, None, None])
+    low = out.pred_masks[0]
+    if isinstance(network, SamNetwork):
+        low = functional.interpolate(low, (side, side), mode="bilinear", align_corners=False)
+        low = low[..., : seen[0], : seen[1]]
+    full = functional.interpolate(low, (height, width), mode="bilinear", align_corners=False)
+    return full[0], out.iou_scores[0, 0]
+
+
+def plain_crops(height: int, width: int, layers: int) -> Iterator[tuple[int, int, int, int]]:
+    yield 0, 0, width, height
+    for layer in range(1, layers + 1):
+        count = 2**layer
+        overlap = int(512 / 1500 * min(height, width) * (2 / count))
+        wide = ceil((overlap * (count - 1) + width) / count)
+        high = ceil((overlap * (count - 1) + height) / count)
+        for i in range(count):
+            for j in range(count):
+                x, y = i * (wide - overlap), j * (high - overlap)
+                yield x, y, min(x + wide, width), min(y + high, height)
+
+
+def plain_crop_masks(
+    network: Sams,
+    photo: np.ndarray,
+    crop: tuple[int, int, int, int],
+    settings: SegmentSettings,
+) -> Iterator[PlainMask]:
+    x0, y0, x1, y1 = crop
+    height, width = photo.shape[:2]
+    n = settings.points_per_side
+    embedding = plain_embedding(network, photo[y0:y1, x0:x1])
+    for row in range(n):
+        for col in range(n):
+            point = np.array([(col + 0.5) / n * (x1 - x0), (row + 0.5) / n * (y1 - y0)])
+            maps, scores = plain_logits(network, embedding, (y1 - y0, x1 - x0), point)
+            for logits, score in zip(maps.numpy(), scores.tolist(), strict=True):
+                if not score > (settings.pred_iou or 0.0):
+                    continue
+                inner, outer = (logits > 1).sum(), (logits > -1).sum()
+                if outer == 0 or inner / outer < settings.stability or not (logits > 0).any():
+                    continue
+                mask = np.zeros((height, width), dtype=bool)
+                mask[y0:y1, x0:x1] = logits > 0
+                found = PlainMask(mask, score, crop)
+                near = np.abs(np.subtract(found.box, crop)) <= 20
+                outside = np.abs(np.subtract(found.box, (0, 0, width, height))) <= 20
+                if not (near & ~outside).any():
+                    yield found
+
+
+def plain_iou(a: PlainMask, b: PlainMask) -> float:
+    """Box IoU."""
+    wide = min(a.box[2], b.box[2]) - max(a.box[0], b.box[0])
+    high = min(a.box[3], b.box[3]) - max(a.box[1], b.box[1])
+    shared = max(wide, 0) * max(high, 0)
+    areas = [(m.box[2] - m.box[0]) * (m.box[3] - m.box[1]) for m in (a, b)]
+    return shared / (sum(areas) - shared) if sum(areas) > shared else 0.0
+
+
+def plain_nms(masks: list[PlainMask], scores: list[float], overlap: float) -> list[PlainMask]:
+    order = sorted(range(len(masks)), key=lambda i: -scores[i])
+    kept: list[PlainMask] = []
+    for i in order:
+        if all(plain_iou(masks[i], other) <= overlap for other in kept):
+            kept.append(masks[i])
+    return kept
+
+
+@torch.inference_mode()
+def plain_masks(network: Sams, photo: np.ndarray, settings: SegmentSettings) -> list[np.ndarray]:
+    found: list[PlainMask] = []
+    for crop in plain_crops(photo.shape[0], photo.shape[1], settings.crop_layers):
+        masks = list(plain_crop_masks(network, photo, crop, settings))
+        found += plain_nms(masks, [mask.score for mask in masks], settings.box_nms)
+    if settings.crop_layers:
+        sizes = [(m.crop[2] - m.crop[0]) * (m.crop[3] - m.crop[1]) for m in found]
+        found = plain_nms(found, [1 / size for size in sizes], settings.box_nms)
+    return [mask.mask for mask in found]
+
+
+# --- Parity -------------------------------------------------------------------------------------
+
+
+def assert_same_masks(found: Segments, expected: list[np.ndarray]) -> None:
+    """Match every mask with one of the other set, at an IoU of exactly 1."""
+    ours = {np.packbits(segment.mask(found.size_hw)).tobytes() for segment in found}
+    theirs = {np.packbits(mask).tobytes() for mask in expected}
+    assert len(ours) == len(found)
+    assert len(theirs) == len(expected)
+    assert ours == theirs
+
+
+@pytest.mark.parametrize(
+    ("above", "changed"),
+    [
+        (0.0, {}),
+        (0.0, {"stability": 0.0}),
+        (-10.0, {"box_nms": 0.95}),
+        (0.0, {"crop_layers": 1, "points_per_side": 6}),
+    ],
+    ids=["filters", "unstable too", "every score", "crops"],
+)
+def test_masks_equal_the_published_procedure_step_by_step(
+    network: Sams, photo: np.ndarray, above: float, changed: dict[str, Any]
+) -> None:
+    settings = replace(SETTINGS, pred_iou=typical_score(network, photo) + above, **changed)
+    ours = AutomaticSegmenter(name="toy", network=network, settings=settings)
+    found = ours.segment(photo, (), where=None)
+    expected = plain_masks(network, photo, settings)
+    assert len(expected) > 3
+    assert_same_masks(found, expected)
+
+
+def typical_score(network: Sams, photo: np.ndarray) -> float:
+    """A score that most masks exceed."""
+    look = network.look(photo)
+    points = np.random.default_rng(0).uniform(0, 239, (20, 2))
+    return float(network.ask(look, points)[1].quantile(0.3))
+
+
+def test_the_batch_size_changes_nothing(network: Sams, photo: np.ndarray) -> None:
+    settings = replace(SETTINGS, pred_iou=-10.0)
+    results = [
+        AutomaticSegmenter(
+            name="toy", network=network, settings=replace(settings, points_per_batch=size)
+        ).segment(photo, (), where=None)
+        for size in (1, 40, 1000)
+    ]
+    packed = [[segment.bits.tobytes() for segment in result] for result in results]
+    assert packed[0] == packed[1] == packed[2]
+
+
+# --- Coarse prompting, on a network whose masks are known by point -------------------------------
+
+
+@dataclass
+class Scripted:
+    """Objects are rectangles; a point is answered with the object that it lies in."""
+
+    objects: list[tuple[int, int, int, int]]
+    photo_hw: tuple[int, int] = (128, 128)
+    pred_iou: float = 0.5
+    looks: int = 0
+    asked: list[tuple[float, float]] = field(default_factory=list)
+
+    def look(self, photo: np.ndarray) -> None:
+        self.looks += 1
+
+    def ask(self, look: None, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+        self.asked += [tuple(point) for point in points_xy.tolist()]
+        maps = np.full((len(points_xy), *self.photo_hw), -5.0)
+        scores = np.zeros(len(points_xy))
+        for index, (x, y) in enumerate(points_xy):
+            for number, (left, top, right, bottom) in enumerate(self.objects):
+                if left <= x < right and top <= y < bottom:
+                    maps[index, top:bottom, left:right] = 5.0
+                    scores[index] = 0.9 - number / 100
+        return torch.from_numpy(maps), torch.from_numpy(scores)
+
+    def enlarge(self, look: None, logits: Tensor) -> Tensor:
+        return logits
+
+
+BLANK = np.zeros((128, 128, 3), dtype=np.uint8)
+
+
+def scripted_segmenter(network: Scripted, per_side: int = 16) -> AutomaticSegmenter:
+    return AutomaticSegmenter(
+        name="scripted", network=network, settings=SegmentSettings(points_per_side=per_side)
+    )
+
+
+def flagged(segments: Segments, where: np.ndarray, alpha: float = 0.8) -> set[bytes]:
+    """The paper's vote: outlines with more than alpha of their area in coarse change."""
+    masks = [segment.mask(segments.size_hw) for segment in segments]
+    return {mask.tobytes() for mask in masks if (mask & where).sum() > alpha * mask.sum()}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_prompting_only_coarse_change_flags_exactly_the_same_objects(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    objects = []
+    for left, top in ((4, 4), (68, 4), (4, 68), (68, 68)):
+        x, y = left + int(rng.integers(0, 20)), top + int(rng.integers(0, 20))
+        wide, high = (int(side) for side in rng.integers(8, 36, 2))
+        objects.append((x, y, x + wide, y + high))
+    where = np.zeros((128, 128), dtype=bool)
+    for left, top, right, bottom in objects[: rng.integers(0, 4)]:
+        missed = int(rng.uniform(0, 0.3) * (right - left))
+        where[top:bottom, left : right - missed] = True
+    segmenter = scripted_segmenter(Scripted(objects))
+    everything = segmenter.segment(BLANK, (), where=None)
+    coarse = segmenter.segment(BLANK, (), where=where)
+    assert len(everything) == 4
+    assert flagged(coarse, where) == flagged(everything, where)
+
+
+def test_objects_far_from_coarse_change_are_not_asked_about() -> None:
+    network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
+    where = np.zeros((128, 128), dtype=bool)
+    where[82:118, 82:118] = True
+    found = scripted_segmenter(network).segment(BLANK, (), where=where)
+    assert [segment.bbox_xywh for segment in found] == [(80, 80, 40, 40)]
+    assert min(min(point) for point in network.asked) > 75
+    assert len(network.asked) == 25  # a fifth of 16 x 16 points, squared: 36 px are 4.5 steps
+
+
+def test_without_coarse_change_the_network_is_not_even_shown_the_photo() -> None:
+    network = Scripted([(0, 0, 40, 40)])
+    found = scripted_segmenter(network).segment(BLANK, (), where=np.zeros((128, 128), dtype=bool))
+    assert len(found) == 0
+    assert found.size_hw == (128, 128)
+    assert (network.looks, network.asked) == (0, [])
+
+
+def test_the_photo_is_encoded_once_however_many_points_are_asked() -> None:
+    network = Scripted([(0, 0, 40, 40)])
+    scripted_segmenter(network, per_side=20).segment(BLANK, (), where=None)
+    assert (network.looks, len(network.asked)) == (1, 400)
+
+
+def test_a_mask_of_one_object_is_returned_once_and_the_best_first() -> None:
+    network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
+    found = scripted_segmenter(network).segment(BLANK, (), where=None)
+    assert [segment.bbox_xywh for segment in found] == [(0, 0, 40, 40), (80, 80, 40, 40)]
+
+
+def test_of_one_object_seen_in_the_whole_photo_and_in_a_crop_the_crops_mask_stays() -> None:
+    class Zooming:
+        """Sees a square; of the whole photo one column too few."""
+
+        pred_iou = 0.0
+
+        def look(self, photo: np.ndarray) -> tuple[int, int]:
+            return photo.shape[:2]
+
+        def ask(self, size_hw: tuple[int, int], points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+            maps = np.full((len(points_xy), *size_hw), -5.0)
+            whole = size_hw == (128, 128)
+            maps[:, 30:60, 30 : 59 if whole else 60] = 5.0  # the first crop begins at 0, 0
+            return torch.from_numpy(maps), torch.full((len(points_xy),), 0.9 if whole else 0.5)
+
+        def enlarge(self, size_hw: tuple[int, int], logits: Tensor) -> Tensor:
+            return logits
+
+    where = np.zeros((128, 128), dtype=bool)
+    where[:20, :20] = True  # of the crops only the first is wanted
+    settings = SegmentSettings(points_per_side=4, crop_layers=1)
+    segmenter = AutomaticSegmenter(name="zooming", network=Zooming(), settings=settings)
+    (only,) = segmenter.segment(BLANK, (), where=where)
+    assert only.bbox_xywh == (30, 30, 30, 30)
+
+
+def test_specks_are_removed_and_what_became_alike_is_one() -> None:
+    class Specked(Scripted):
+        def enlarge(self, look: None, logits: Tensor) -> Tensor:
+            speckled = logits.clone()
+            speckled[:, 20:22, 20:22] *= -1  # a hole in the object
+            speckled[:, 100, 100] *= -1  # an island far away
+            return speckled
+
+    segmenter = AutomaticSegmenter(
+        name="scripted",
+        network=Specked([(0, 0, 40, 40)]),
+        settings=SegmentSettings(points_per_side=4, min_speck_px=5),
+    )
+    (only,) = segmenter.segment(BLANK, (), where=None)
+    assert only.bbox_xywh == (0, 0, 40, 40)
+    assert only.area_px == 1600

@@ -1,0 +1,168 @@
+"""Asking everywhere and asking only at coarse change must end in the same changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import torch
+from skimage.segmentation import felzenszwalb
+
+from zeroscd.detector import Detector
+from zeroscd.images.read import read_photo
+from zeroscd.models import Models
+from zeroscd.segmenters.automatic import AutomaticSegmenter
+from zeroscd.settings import PRESETS, Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from torch import Tensor
+
+    from zeroscd.arrays import Mask, Rgb
+    from zeroscd.result import ChangeResult
+
+
+@dataclass
+class ByPoint:
+    """Answers a point with every written-down outline of the photo that it lies in.
+
+    The smaller the outline, the higher its score, so that which masks survive does not depend on
+    who asked first.
+    """
+
+    script: dict[bytes, list[Mask]]
+    pred_iou: float = 0.0
+    points: int = 0
+    looked_at: list[bytes] = field(default_factory=list)
+
+    def look(self, photo: Rgb) -> Rgb:
+        self.looked_at.append(photo.tobytes())
+        return photo
+
+    def ask(self, look: Rgb, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+        self.points += len(points_xy)
+        columns, rows = np.floor(points_xy).astype(int).T
+        hit = [mask for mask in self.script[look.tobytes()] if mask[rows, columns].any()]
+        if not hit:
+            return torch.zeros(0, *look.shape[:2]), torch.zeros(0)
+        logits = torch.from_numpy(np.where(np.stack(hit), np.float32(5), np.float32(-5)))
+        return logits, torch.tensor([1 / (1 + mask.sum()) for mask in hit])
+
+    def enlarge(self, look: Rgb, logits: Tensor) -> Tensor:
+        return logits
+
+
+def both_ways(
+    pair: tuple[Any, Any], encoder: Any, script: dict[bytes, list[Mask]], settings: Settings
+) -> tuple[ChangeResult, ChangeResult, list[ByPoint]]:
+    """Detect with either way of asking."""
+    results, networks = [], []
+    for way in ("everything", "coarse"):
+        chosen = settings.override({"prompting": way, "segmenter": "scripted"})
+        networks.append(ByPoint(script))
+        segmenter = AutomaticSegmenter(
+            name="scripted", network=networks[-1], settings=chosen.segment
+        )
+        results.append(Detector(chosen, Models(encoder, segmenter)).detect(*pair))
+    return results[0], results[1], networks
+
+
+def script_of(drawn: Any, *, things_only: bool) -> dict[bytes, list[Mask]]:
+    """The scene's outlines: things, then tiles of wall, last the whole photo.
+
+    The literal second look (`overlap`) takes a thing in front of one tile for still there, so it
+    gets the things alone.
+    """
+    script = {}
+    for photo, outlines in (
+        (drawn.before, drawn.outlines_t0),
+        (drawn.after, drawn.outlines_t1),
+    ):
+        things = [mask for mask in outlines if mask.sum() not in (TILE_PX, mask.size)]
+        script[photo.tobytes()] = things if things_only else list(outlines)
+    return script
+
+
+TILE_PX = 64 * 64
+
+SCENES = {
+    "one added": {"added": [(96, 64, 64, 48)]},
+    "one removed": {"removed": [(32, 32, 48, 64)]},
+    "both": {"removed": [(160, 96, 48, 64)], "added": [(16, 16, 64, 48)]},
+    "overlapping places": {"removed": [(96, 64, 64, 48)], "added": [(136, 88, 64, 48)]},
+    "small": {"added": [(100, 70, 40, 40)]},
+    "off the patch grid": {"added": [(101, 59, 110, 40)], "removed": [(5, 131, 30, 50)]},
+}
+
+
+@pytest.mark.parametrize("verify", ["iou", "overlap", "off"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_final_masks_are_exactly_the_same(
+    scene: str, verify: str, draw_scene: Any, toy_encoder: Any
+) -> None:
+    drawn = draw_scene(**SCENES[scene])
+    chosen = {"verify": verify, "points_per_side": 16, "alpha": 0.6, "search_radius": 0}
+    settings = Settings().override(chosen)
+    script = script_of(drawn, things_only=verify == "overlap")
+    everything, coarse, networks = both_ways(
+        (drawn.before, drawn.after), toy_encoder, script, settings
+    )
+    assert everything.mask.any()
+    for name in ("mask", "removed", "added"):
+        np.testing.assert_array_equal(getattr(coarse, name), getattr(everything, name))
+    assert networks[0].points == 2 * 256
+    assert networks[1].points < networks[0].points / 2
+
+
+def test_under_the_papers_literal_rules_they_are_the_same_too(
+    draw_scene: Any, toy_encoder: Any
+) -> None:
+    drawn = draw_scene(removed=[(160, 96, 48, 64)], added=[(16, 16, 64, 48)])
+    settings = Settings().override({"rules": "paper", "points_per_side": 16})
+    script = script_of(drawn, things_only=True)
+    everything, coarse, _ = both_ways((drawn.before, drawn.after), toy_encoder, script, settings)
+    assert everything.mask.any()
+    np.testing.assert_array_equal(coarse.mask, everything.mask)
+
+
+def test_photos_without_change_are_never_shown_to_the_segmenter(
+    draw_scene: Any, toy_encoder: Any
+) -> None:
+    drawn = draw_scene()
+    network = ByPoint({drawn.before.tobytes(): [], drawn.after.tobytes(): []})
+    settings = Settings(segmenter="scripted")
+    segmenter = AutomaticSegmenter(name="scripted", network=network, settings=settings.segment)
+    result = Detector(settings, Models(toy_encoder, segmenter)).detect(drawn.before, drawn.after)
+    assert not result.mask.any()
+    assert (network.looked_at, network.points) == ([], 0)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("folder", ["street-composite-dev", "street-real-dev"])
+def test_on_street_photos_a_stand_in_for_sam_ends_in_the_same_mask(
+    folder: str, shared_data: Path, iou: Callable[[Mask, Mask], float]
+) -> None:
+    """Outlines of three sizes by colour (Felzenszwalb, IJCV 2004) stand in for SAM's."""
+    from zeroscd.encoders import lite
+
+    encoder = lite.load(PRESETS["lite"], "cpu")
+    settings = PRESETS["lite"].override({"verify": "iou", "points_per_side": 16})
+    before = sorted((shared_data / folder / "t0").iterdir())[1]
+    after = next((shared_data / folder / "t1").glob(f"{before.stem}.*"))
+    pair = [read_photo(path).pixels for path in (before, after)]
+    script = {photo.tobytes(): outlines_of(photo) for photo in pair}
+    everything, coarse, _ = both_ways((pair[0], pair[1]), encoder, script, settings)
+    assert everything.mask.any()
+    assert iou(coarse.mask, everything.mask) >= 0.99
+
+
+def outlines_of(photo: Rgb) -> list[Mask]:
+    outlines = []
+    for scale in (100, 300, 900):
+        labels = felzenszwalb(photo, scale=scale, sigma=0.8, min_size=50)
+        outlines += [labels == label for label in range(labels.max() + 1)]
+    return outlines

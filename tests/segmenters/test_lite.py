@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from zeroscd.encoders.lite import load as load_encoder
+from zeroscd.segmenters import lite
+from zeroscd.segmenters.hierarchy import Hierarchy
+from zeroscd.segmenters.lite import LiteSegmenter
+from zeroscd.segmenters.lite import load as load_segmenter
+from zeroscd.settings import Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from zeroscd.arrays import Mask, Rgb
+    from zeroscd.records import FeatureMap, Segments
+
+SETTINGS = Settings(side_px=192)
+
+
+@pytest.fixture(scope="module")
+def cut() -> Callable[..., Segments]:
+    """Segment a photo with the embedded models at a small size."""
+    encoder, segmenter = load_encoder(SETTINGS, "cpu"), load_segmenter(SETTINGS, "cpu")
+
+    def segments(photo: Rgb, where: Mask | None = None) -> Segments:
+        (maps,) = encoder.encode([photo])
+        return segmenter.segment(photo, maps, where=where)
+
+    return segments
+
+
+@pytest.fixture(scope="module")
+def ball_on_wall() -> tuple[Rgb, Mask]:
+    """A red ball before a grey wall over a green floor."""
+    rows, cols = np.indices((150, 200))
+    ball = (rows - 80) ** 2 + (cols - 120) ** 2 < 30**2
+    photo = np.full((150, 200, 3), (150, 150, 155), dtype=np.uint8)
+    photo[110:] = (70, 120, 60)
+    photo[ball] = (190, 40, 40)
+    noise = np.random.default_rng(0).integers(-4, 5, photo.shape)
+    return (photo + noise).astype(np.uint8), ball
+
+
+def test_a_thing_is_among_the_outlines(
+    cut: Callable[..., Segments], ball_on_wall: tuple[Rgb, Mask], iou: Callable[[Mask, Mask], float]
+) -> None:
+    photo, ball = ball_on_wall
+    found = cut(photo)
+    assert found.size_hw == photo.shape[:2]
+    assert max(iou(s.mask(found.size_hw), ball) for s in found) > 0.8
+
+
+def test_outlines_nest_and_none_is_the_whole_scene(
+    cut: Callable[..., Segments], ball_on_wall: tuple[Rgb, Mask]
+) -> None:
+    photo, _ = ball_on_wall
+    masks = [s.mask(photo.shape[:2]) for s in cut(photo)]
+    assert len(masks) > 3
+    for i, a in enumerate(masks):
+        assert 0 < a.sum() <= lite.LARGEST_SHARE * a.size
+        for b in masks[i + 1 :]:
+            shared = a & b
+            assert not shared.any() or (shared == a).all() or (shared == b).all()
+
+
+def test_only_outlines_that_touch_the_wanted_places_are_offered(
+    cut: Callable[..., Segments], ball_on_wall: tuple[Rgb, Mask]
+) -> None:
+    photo, ball = ball_on_wall
+    size_hw = photo.shape[:2]
+    everything, around = cut(photo), cut(photo, ball)
+    touching = [s for s in everything if (s.mask(size_hw) & ball).any()]
+    assert 0 < len(touching) < len(everything)
+    assert [s.bbox_xywh for s in around] == [s.bbox_xywh for s in touching]
+    assert [s.bits.tobytes() for s in around] == [s.bits.tobytes() for s in touching]
+    assert len(cut(photo, np.zeros(size_hw, dtype=bool))) == 0
+
+
+def test_the_same_photo_is_cut_the_same_twice(
+    cut: Callable[..., Segments], ball_on_wall: tuple[Rgb, Mask]
+) -> None:
+    first, again = (cut(ball_on_wall[0]) for _ in range(2))
+    assert [(s.bbox_xywh, s.bits.tobytes()) for s in first] == [
+        (s.bbox_xywh, s.bits.tobytes()) for s in again
+    ]
+
+
+def test_a_flat_photo_is_cut_without_a_stumble(cut: Callable[..., Segments]) -> None:
+    for level in (0, 128, 255):
+        photo = np.full((64, 80, 3), level, dtype=np.uint8)
+        assert all(s.area_px > 0 for s in cut(photo))
+
+
+def tree_of_four() -> Hierarchy:
+    """Leaves 0..3; node 4 = 0 + 1, node 5 = 2 + 3, node 6 = all."""
+    return Hierarchy(
+        leaf_of=np.array([[0, 1], [2, 3]], dtype=np.int32),
+        first=np.array([0, 1, 2, 3, 0, 2, 0], dtype=np.int32),
+        last=np.array([1, 2, 3, 4, 2, 4, 4], dtype=np.int32),
+    )
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans(), st.integers(0, 12))
+def test_the_outlines_are_the_nodes_of_the_tree_that_fit(
+    seed: int, everywhere: Any, least_px: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    leaf_of = rng.integers(0, 4, (6, 7)).astype(np.int32)
+    where = None if everywhere else rng.random((6, 7)) < 0.1
+    tree = tree_of_four()
+    expected = []
+    for first, last in zip(tree.first, tree.last, strict=True):
+        mask = (leaf_of >= first) & (leaf_of < last)
+        wanted = mask if where is None else mask & where
+        if max(least_px, 1) <= mask.sum() <= lite.LARGEST_SHARE * mask.size and wanted.any():
+            expected.append(mask)
+    found = list(lite._outlines(tree, leaf_of, where=where, least_px=least_px))
+    assert len(found) == len(expected)
+    for outline, mask in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(outline.mask((6, 7)), mask)
+
+
+def test_a_pixel_takes_the_leaf_of_the_cell_that_looks_at_it() -> None:
+    leaf_of = np.arange(12, dtype=np.int32).reshape(3, 4)
+    # Cell (i, j) looks at working pixel (2 i, 2 j) of 6 x 8; a photo twice as large has that
+    # pixel's centre at 2 * (2 i) + 0.5.
+    photo = lite._to_photo(leaf_of, (12, 16))
+    assert photo.shape == (12, 16)
+    for i in range(3):
+        for j in range(4):
+            np.testing.assert_array_equal(
+                photo[4 * i : 4 * i + 2, 4 * j : 4 * j + 2], leaf_of[i, j]
+            )
+    same = lite._to_photo(leaf_of, (6, 8))
+    np.testing.assert_array_equal(same[::2, ::2], leaf_of)
+
+
+def test_the_segmenter_is_found_under_its_name() -> None:
+    segmenter = load_segmenter(SETTINGS, "cpu")
+    assert isinstance(segmenter, LiteSegmenter)
+    assert segmenter.name == SETTINGS.segmenter
+
+
+def test_depths_may_come_in_any_order(ball_on_wall: tuple[Rgb, Mask]) -> None:
+    photo, _ = ball_on_wall
+    maps: tuple[FeatureMap, ...]
+    (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
+    segmenter = load_segmenter(SETTINGS, "cpu")
+    forth, back = (segmenter.segment(photo, m, where=None) for m in (maps, maps[::-1]))
+    assert [s.bbox_xywh for s in forth] == [s.bbox_xywh for s in back]

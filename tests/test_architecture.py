@@ -1,0 +1,166 @@
+"""Imports point one way, read from the source: cli, faces, detector, models, stages, foundation."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+import zeroscd
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ROOT = Path(zeroscd.__file__).parent
+
+# Later may import earlier, never the other way round; parts of one row do not import each other.
+LAYERS = (
+    ("arrays", "errors"),
+    ("settings",),
+    ("result",),
+    ("images",),  # the door and the grid: the geometry that all stages share
+    ("records",),
+    ("weights",),
+    ("encoders", "alignment", "change", "segmenters", "refine"),
+    ("models",),
+    ("detector",),
+    ("export", "retrieval"),
+    ("evaluation", "batch"),
+    ("serve", "bench"),
+    ("cli",),
+)
+LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}
+HOMES = {
+    "torch": {"encoders", "segmenters", "weights", "models", "bench"},
+    "transformers": {"encoders", "segmenters", "weights"},
+    "rich": {"cli"},
+    "typer": {"cli"},
+}
+# ChangeResult.save is the one convenience that calls upwards, when it is called and not before.
+CALLS_UPWARDS = {("result", "zeroscd.export.folder")}
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """One import: from which part of the package to which module, and when it happens."""
+
+    file: str
+    part: str
+    target: str
+    for_types: bool
+    on_call: bool
+
+    @property
+    def target_part(self) -> str:
+        return self.target.split(".")[1] if self.target.count(".") else ""
+
+
+def arrows() -> Iterator[Arrow]:
+    for path in sorted(ROOT.rglob("*.py")):
+        file = path.relative_to(ROOT)
+        part = file.parts[0].removesuffix(".py")
+        yield from _walk(ast.parse(path.read_text()), str(file), part)
+
+
+def _walk(
+    node: ast.AST, file: str, part: str, *, for_types: bool = False, on_call: bool = False
+) -> Iterator[Arrow]:
+    for child in ast.iter_child_nodes(node):
+        types = for_types or (
+            isinstance(child, ast.If)
+            and isinstance(child.test, ast.Name)
+            and child.test.id == "TYPE_CHECKING"
+        )
+        call = on_call or isinstance(child, ast.FunctionDef)
+        for target in _targets(child):
+            yield Arrow(file, part, target, types, call)
+        yield from _walk(child, file, part, for_types=types, on_call=call)
+
+
+def _targets(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        return ["." * node.level + (node.module or "")]
+    return []
+
+
+ARROWS = list(arrows())
+INNER = [a for a in ARROWS if a.target.startswith("zeroscd.") and a.part != "__init__"]
+
+
+def test_the_arrows_were_found() -> None:
+    assert len(INNER) > 100
+    assert Arrow("detector.py", "detector", "zeroscd.alignment.align", False, False) in INNER
+
+
+def test_every_part_of_the_package_has_its_layer() -> None:
+    parts = {a.part for a in ARROWS} - {"__init__"}
+    assert parts <= set(LEVEL), f"give {parts - set(LEVEL)} a place in LAYERS"
+
+
+def test_imports_point_down() -> None:
+    upwards = [
+        a
+        for a in INNER
+        if a.part != a.target_part
+        and LEVEL[a.target_part] >= LEVEL[a.part]
+        and (a.part, a.target) not in CALLS_UPWARDS
+    ]
+    assert upwards == []
+
+
+def test_the_one_call_upwards_waits_until_it_is_called() -> None:
+    upwards = [a for a in INNER if (a.part, a.target) in CALLS_UPWARDS]
+    assert {(a.part, a.target) for a in upwards} == CALLS_UPWARDS
+    assert all(a.on_call for a in upwards)
+
+
+def test_only_the_foundation_is_imported_relative_to_nothing() -> None:
+    assert [a for a in ARROWS if a.target.startswith("..")] == []
+
+
+@pytest.mark.parametrize("library", HOMES)
+def test_a_library_stays_in_its_home(library: str) -> None:
+    visitors = {
+        (a.file, a.target)
+        for a in ARROWS
+        if a.target.split(".")[0] == library and a.part not in HOMES[library]
+    }
+    assert visitors == set()
+
+
+def test_the_front_door_imports_nothing_until_asked() -> None:
+    eager = [a for a in ARROWS if a.part == "__init__" and not a.for_types]
+    assert {a.target for a in eager} <= {"__future__", "importlib", "typing"}
+
+
+def test_modules_and_functions_stay_small() -> None:
+    too_long = []
+    for path in ROOT.rglob("*.py"):
+        source = path.read_text()
+        lines = source.count("\n")
+        if lines > 300:
+            too_long.append(f"{path.relative_to(ROOT)}: {lines} lines")
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.FunctionDef):
+                length = _length(node)
+                if length > 40:
+                    too_long.append(f"{path.relative_to(ROOT)}: {node.name} has {length} lines")
+    assert too_long == []
+
+
+def _length(function: ast.FunctionDef) -> int:
+    """Lines of a function's body without its docstring; commands declare an option a line."""
+    assert function.end_lineno is not None
+    documented = ast.get_docstring(function) is not None
+    body = function.body[1:] if documented else function.body
+    return function.end_lineno - body[0].lineno + 1 if body else 0
+
+
+def test_no_module_is_called_utils() -> None:
+    names = {part for path in ROOT.rglob("*.py") for part in path.relative_to(ROOT).parts}
+    assert not {n for n in names if "util" in n or "helper" in n or "common" in n}

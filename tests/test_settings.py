@@ -1,0 +1,187 @@
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from zeroscd.errors import SettingsError
+from zeroscd.settings import (
+    PAPER_RULES,
+    PRESETS,
+    RANGES,
+    AlignSettings,
+    ChangeSettings,
+    RefineSettings,
+    SegmentSettings,
+    Settings,
+    leaf_names,
+    preset,
+)
+
+BRANCHES = (AlignSettings, ChangeSettings, SegmentSettings, RefineSettings)
+
+
+def flat(settings: Settings) -> dict[str, Any]:
+    leaves: dict[str, Any] = {}
+    for name, value in settings.to_dict().items():
+        leaves.update(value if isinstance(value, dict) else {name: value})
+    return leaves
+
+
+def test_every_leaf_has_a_name_of_its_own() -> None:
+    names = [f.name for part in BRANCHES for f in dataclasses.fields(part)]
+    top = [f.name for f in dataclasses.fields(Settings)]
+    assert len(set(names + top)) == len(names + top)
+    assert set(leaf_names()) == {"rules", *flat(Settings())}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("tau", "0.6", 0.6),
+        ("tau", "none", None),
+        ("tau", None, None),
+        ("tau", 1, 1.0),
+        ("search_radius", "2", 2),
+        ("verify", "overlap", "overlap"),
+        ("frame", "t0", "t0"),
+        ("encoder", "dinov2-s", "dinov2-s"),
+        ("layer", "9", 9),
+        ("layer", "None", None),
+    ],
+)
+def test_one_leaf_changes_and_no_other(name: str, text: object, value: object) -> None:
+    before = Settings(change=ChangeSettings(tau=0.3))
+    after = before.override({name: text})
+    assert flat(after) == {**flat(before), name: value}
+    assert type(flat(after)[name]) is type(value)
+    assert flat(before) == flat(Settings(change=ChangeSettings(tau=0.3)))
+
+
+def test_later_overrides_win() -> None:
+    settings = Settings().override({"verify": "off", "rules": "paper", "beta": "0.4"})
+    assert settings.refine.verify == "overlap"
+    assert settings.refine.beta == 0.4
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("thau", "0.6", "unknown setting 'thau'; known: rules, encoder"),
+        ("align", "mutual", "unknown setting 'align'"),
+        ("verify", "maybe", "choose one of: overlap, iou, off"),
+        ("matching", "", "choose one of: argmax, mutual"),
+        ("search_radius", "1.5", "needs a int"),
+        ("search_radius", "", "needs a int"),
+        ("search_radius", 1.5, "needs a int"),
+        ("seed", float("inf"), "needs a int"),
+        ("search_radius", "-1", "must lie between 0 and 32, not at '-1'"),
+        ("side_px", 0, "must lie between 32 and 8192"),
+        ("alpha", "1.01", "must lie between 0 and 1"),
+        ("tau", -0.1, "must lie between 0 and 2"),
+        ("tau", "high", "needs a float"),
+        ("tau", "nan", "needs a float"),
+        ("alpha", "inf", "needs a float"),
+        ("alpha", None, "needs a float"),
+        ("alpha", [0.5], "needs a float"),
+        ("rules", "ours", "choose: paper"),
+    ],
+)
+def test_a_wrong_override_is_one_line_that_names_the_choices(
+    name: str, value: object, said: str
+) -> None:
+    with pytest.raises(SettingsError) as refusal:
+        Settings().override({name: value})
+    assert said in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@given(st.text(max_size=12), st.one_of(st.none(), st.text(max_size=8), st.floats(), st.integers()))
+def test_no_override_raises_anything_but_a_settings_error(name: str, value: object) -> None:
+    for leaf in (name, *leaf_names()):
+        try:
+            Settings().override({leaf: value})
+        except SettingsError as refusal:
+            assert "\n" not in str(refusal) or "\n" in repr(name)
+
+
+def test_the_papers_rules_are_the_literal_reading() -> None:
+    """The table of docs/method.md, column "literal"."""
+    literal = Settings().override({"rules": "paper"})
+    assert literal.align.matching == "argmax"
+    assert literal.align.inlier_patches == 1.25
+    assert literal.change.threshold == "encoder"
+    assert literal.change.sampling == "nearest"
+    assert literal.change.search_radius == 0
+    assert literal.change.coarse_frames == "t0"
+    assert literal.refine.verify == "overlap"
+    assert literal.refine.alpha == 0.8
+    assert literal.refine.beta == 0.5
+    assert literal.segment.prompting == "everything"
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_papers_rules_undo_what_a_preset_does_differently(name: str) -> None:
+    literal = flat(PRESETS[name].override({"rules": "paper"}))
+    plain = flat(Settings().override({"rules": "paper"}))
+    assert {key: literal[key] for key in PAPER_RULES} == {key: plain[key] for key in PAPER_RULES}
+
+
+def test_every_number_has_its_range_and_every_preset_keeps_to_it() -> None:
+    numbers = {
+        f.name
+        for part in (Settings, *BRANCHES)
+        for f in dataclasses.fields(part)
+        if str(f.type).split(" ")[0] in ("int", "float")
+    }
+    assert set(RANGES) == numbers
+    for settings in (Settings(), *PRESETS.values()):
+        leaves = flat(settings)
+        assert all(
+            low <= leaves[name] <= high
+            for name, (low, high) in RANGES.items()
+            if leaves[name] is not None
+        )
+
+
+@given(st.sampled_from(sorted(RANGES)), st.floats(0, 1))
+def test_both_ends_of_a_range_may_be_taken_and_nothing_beyond(name: str, share: float) -> None:
+    low, high = RANGES[name]
+    for value in (low, high, int(low + share * (high - low))):
+        if low <= value:
+            assert flat(Settings().override({name: value}))[name] == value
+    for value in (low - 1, high + 1):
+        with pytest.raises(SettingsError, match="must lie between"):
+            Settings().override({name: value})
+
+
+def test_the_rules_name_settings_that_exist() -> None:
+    assert set(PAPER_RULES) <= set(leaf_names())
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_found_by_name_and_can_be_written_as_json(name: str) -> None:
+    settings = preset(name)
+    assert settings == PRESETS[name]
+    assert json.loads(json.dumps(settings.to_dict())) == settings.to_dict()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_survives_its_own_values_as_typed_text(name: str) -> None:
+    settings = preset(name)
+    typed = {key: str(value) for key, value in flat(settings).items()}
+    assert settings.override(typed) == settings
+
+
+def test_an_unknown_preset_is_one_line_that_names_the_known() -> None:
+    with pytest.raises(SettingsError, match="unknown preset 'ligth'; choose one of: lite"):
+        preset("ligth")
+
+
+def test_settings_cannot_be_edited() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Settings().frame = "t0"  # type: ignore[misc]
