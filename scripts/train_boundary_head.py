@@ -29,8 +29,11 @@ AGREED, NOBODY = 0.3, 0.05  # share of people: a border, no border; in between i
 NEGATIVE_WEIGHT = 0.5
 LEARNING_RATE = 3e-3
 
+Drawn = tuple[np.ndarray, np.ndarray]  # a photo, and where people drew borders in it
+Example = tuple[torch.Tensor, list[torch.Tensor], torch.Tensor]  # photo, descriptors, share
 
-def photos(root: Path, splits: tuple[str, ...]) -> list[tuple[np.ndarray, np.ndarray]]:
+
+def photos(root: Path, splits: tuple[str, ...]) -> list[Drawn]:
     found = []
     for split in splits:
         for file in sorted((root / split / "images").iterdir()):
@@ -39,8 +42,9 @@ def photos(root: Path, splits: tuple[str, ...]) -> list[tuple[np.ndarray, np.nda
     return found
 
 
-def example(encoder, photo, drawn, side_px):
+def example(encoder: lite.LiteEncoder, pair: Drawn, side_px: int) -> Example:
     """Photo and descriptors as the head sees them, and the share of people at stride 2."""
+    photo, drawn = pair
     encoder.side_px = side_px
     size_hw = working_size(photo.shape[:2], side_px=side_px, multiple=lite.COARSEST_STRIDE_PX)
     working = resize(photo, size_hw)
@@ -50,12 +54,12 @@ def example(encoder, photo, drawn, side_px):
     return normalise(working).half(), [v.half() for v in levels], torch.from_numpy(share.copy())
 
 
-def predict(head, item):
+def predict(head: BoundaryHead, item: Example) -> torch.Tensor:
     pixels, levels, _ = item
     return head(pixels.float(), [v.float() for v in levels])[0, 0]
 
 
-def loss(logits, share):
+def loss(logits: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
     border, none = share > AGREED, share <= NOBODY
     weight = none.sum() / (border.sum() + none.sum())
     total = weight * border.sum() + NEGATIVE_WEIGHT * none.sum()
@@ -64,7 +68,7 @@ def loss(logits, share):
     return (missed + false) / total
 
 
-def average_precision(head, items):
+def average_precision(head: BoundaryHead, items: list[Example]) -> float:
     with torch.no_grad():
         return float(
             np.mean(
@@ -89,11 +93,11 @@ def main() -> None:
     encoder = lite.load(Settings(), "cpu")
     start = time.perf_counter()
     train = [
-        example(encoder, *(flip(pair) if flipped else pair), SIDES_PX[(n + flipped) % 3])
+        example(encoder, flip(pair) if flipped else pair, SIDES_PX[(n + flipped) % 3])
         for n, pair in enumerate(photos(arguments.root, ("train", "val")))
         for flipped in (n % 2,)
     ]
-    test = [example(encoder, *p, SIDES_PX[1]) for p in photos(arguments.root, ("test",))[::4]]
+    test = [example(encoder, p, SIDES_PX[1]) for p in photos(arguments.root, ("test",))[::4]]
     print(f"{len(train)} examples in {time.perf_counter() - start:.0f} s", flush=True)
     head = BoundaryHead()
     optimiser = torch.optim.AdamW(head.parameters(), lr=LEARNING_RATE)
@@ -117,8 +121,9 @@ def main() -> None:
         save_file(head.state_dict(), arguments.out)
 
 
-def flip(pair):
-    return tuple(part[:, ::-1].copy() for part in pair)
+def flip(pair: Drawn) -> Drawn:
+    photo, drawn = pair
+    return photo[:, ::-1].copy(), drawn[:, ::-1].copy()
 
 
 if __name__ == "__main__":

@@ -112,7 +112,7 @@ class Scene:
         return Scene(
             before=self.after,
             after=self.before,
-            t1_from_t0=np.linalg.inv(self.t1_from_t0),
+            t1_from_t0=np.asarray(np.linalg.inv(self.t1_from_t0), dtype=np.float64),
             removed_t0=self.added_t1,
             added_t1=self.removed_t0,
             outlines_t0=self.outlines_t1,
@@ -158,7 +158,7 @@ def _draw_scene(
     seed: int = 0,
 ) -> Scene:
     rng = np.random.default_rng(seed)
-    moved = np.eye(3) if t1_from_t0 is None else np.asarray(t1_from_t0, dtype=np.float64)
+    moved: Homography = np.eye(3) if t1_from_t0 is None else t1_from_t0.astype(np.float64)
     size_t0_hw, size_t1_hw = sizes_hw
     margin = 2 * max(*size_t0_hw, *size_t1_hw)
     wall = texture((size_t0_hw[0] + 2 * margin, size_t0_hw[1] + 2 * margin), rng, smooth=smooth)
@@ -201,7 +201,10 @@ def _paint(photo: Rgb, boxes: Sequence[Box], rng: np.random.Generator) -> list[M
 
 
 def _union(masks: Sequence[Mask], size_hw: tuple[int, int]) -> Mask:
-    return np.logical_or.reduce([np.zeros(size_hw, dtype=bool), *masks])
+    union = np.zeros(size_hw, dtype=bool)
+    for mask in masks:
+        union |= mask
+    return union
 
 
 def _tiles(size_hw: tuple[int, int]) -> list[Mask]:
@@ -239,6 +242,7 @@ def unit_grid() -> Callable[..., np.ndarray]:
 
     def make(rng: np.random.Generator, rows: int, cols: int, d: int) -> np.ndarray:
         raw = rng.normal(size=(rows, cols, d))
-        return (raw / np.linalg.norm(raw, axis=2, keepdims=True)).astype(np.float32)
+        unit = raw / np.linalg.norm(raw, axis=2, keepdims=True)
+        return np.asarray(unit, dtype=np.float32)
 
     return make

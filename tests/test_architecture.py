@@ -94,7 +94,7 @@ INNER = [a for a in ARROWS if a.target.startswith("zeroscd.") and a.part != "__i
 
 def test_the_arrows_were_found() -> None:
     assert len(INNER) > 100
-    assert Arrow("detector.py", "detector", "zeroscd.alignment.align", False, False) in INNER
+    assert any(a.part == "detector" and a.target == "zeroscd.alignment.align" for a in INNER)
 
 
 def test_every_part_of_the_package_has_its_layer() -> None:

@@ -71,3 +71,12 @@ def test_documents_name_settings_that_exist() -> None:
     rows = re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
     assert len(rows) > 10
     assert set(rows) <= set(leaf_names())
+
+
+def test_the_map_of_the_house_names_every_part() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    package = ROOT / "src" / "zeroscd"
+    parts = {path.name for path in package.iterdir() if path.suffix == ".py"}
+    parts |= {path.parent.name + "/" for path in package.glob("*/__init__.py")}
+    for part in parts - {"arrays.py"}:
+        assert f"  {part} " in text, f"ARCHITECTURE.md does not name {part}"

@@ -20,6 +20,7 @@ from zeroscd.models import Models, load_models
 from zeroscd.records import CoarseChange
 from zeroscd.refine.kinds import settle_kinds
 from zeroscd.refine.regions import find_regions
+from zeroscd.refine.shapes import drop_slivers, drop_specks
 from zeroscd.refine.strength import keep_strong
 from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
@@ -121,6 +122,8 @@ class Detector:
             segments_t1 = self._segment(photo_t1, maps_t1, coarse_t1)
         with clock.stage("refine"):
             removed, added = self._refine(pair, (coarse_t0, coarse_t1), (segments_t0, segments_t1))
+            # An outline may reach beyond what the other photo shows: no statement there.
+            removed, added = removed & ~coarse_t0.unknown, added & ~coarse_t1.unknown
             regions = find_regions(removed, added, coarse_t0, coarse_t1)
         t0_is_frame = self.settings.frame == "t0"
         coarse = coarse_t0 if t0_is_frame else coarse_t1
@@ -193,14 +196,19 @@ class Detector:
         added_t1 = keep_strong(
             unite(kept_t1, pair.size_t1_hw), coarse[1], least_peak=refine.least_peak
         )
-        if refine.kinds == "frame":
-            return removed_t0, added_t1
-        return settle_kinds(
-            removed_t0,
-            added_t1,
-            novelty_t0=coarse[0].distance - pair.map_to_t0(coarse[1].distance),
-            novelty_t1=coarse[1].distance - pair.map_to_t1(coarse[0].distance),
-            carriers=(pair.to_t0, pair.to_t1),
+        if refine.kinds == "novelty":
+            removed_t0, added_t1 = settle_kinds(
+                removed_t0,
+                added_t1,
+                novelty_t0=coarse[0].distance - pair.map_to_t0(coarse[1].distance),
+                novelty_t1=coarse[1].distance - pair.map_to_t1(coarse[0].distance),
+                carriers=(pair.to_t0, pair.to_t1),
+            )
+        removed_t0 = drop_slivers(removed_t0, least_width=refine.least_width)
+        added_t1 = drop_slivers(added_t1, least_width=refine.least_width)
+        return (
+            drop_specks(removed_t0, min_area_px=refine.min_area_px),
+            drop_specks(added_t1, min_area_px=refine.min_area_px),
         )
 
 

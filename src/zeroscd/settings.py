@@ -61,6 +61,7 @@ class RefineSettings:
     verify: Literal["overlap", "iou", "off"] = "iou"  # second check against the other photo
     beta: float = 0.5  # overlap at which the other photo's outline refutes the change
     least_peak: float = 0.0  # parts weaker than this share of the strongest change are dropped
+    least_width: float = 0.0  # of the photo's shorter side; thinner strips are dropped
     kinds: Literal["frame", "novelty"] = "frame"  # kept where flagged, or settled by novelty
     min_area_px: int = 0  # smaller regions are dropped, in pixels of their photo
 
@@ -143,6 +144,7 @@ PAPER_RULES: dict[str, object] = {
     "beta": 0.5,
     "alpha": 0.8,
     "least_peak": 0.0,
+    "least_width": 0.0,
     "kinds": "frame",
     "prompting": "everything",
 }
@@ -239,7 +241,14 @@ def _convert(value: object, hint: Any) -> Any:  # noqa: ANN401 - a type annotati
 PRESETS: dict[str, Settings] = {
     "lite": Settings(
         change=ChangeSettings(threshold="pair", tau_share=0.5, search_radius=2),
-        refine=RefineSettings(alpha=0.7, verify="off", least_peak=0.75, kinds="novelty"),
+        refine=RefineSettings(
+            alpha=0.7,
+            verify="off",
+            least_peak=0.75,
+            kinds="novelty",
+            least_width=0.02,
+            min_area_px=150,
+        ),
     ),
     # The paper's literal reading; VL-CMU-CD at its own size. DINOv2 is trained at 518 pixels.
     "paper": _literally("placeformer", side_px=512),

@@ -131,10 +131,11 @@ def test_too_little_agreement_is_distrusted(
     agreed = align_photos(toy_encoder, scene.before, scene.after)
     assert isinstance(agreed, Alignment)
     share = agreed.inliers / agreed.matches
-    enough, too_much = {
+    limits: dict[str, tuple[Any, Any]] = {
         "min_inliers": (agreed.inliers, agreed.inliers + 1),
         "min_inlier_ratio": (share, min(share + 0.01, 1.01)),
-    }[name]
+    }
+    enough, too_much = limits[name]
     trusting = replace(AlignSettings(), **{name: enough})
     doubting = replace(AlignSettings(), **{name: too_much})
     assert isinstance(align_photos(toy_encoder, scene.before, scene.after, trusting), Alignment)
@@ -143,7 +144,38 @@ def test_too_little_agreement_is_distrusted(
     assert (refused.inliers, refused.matches) == (agreed.inliers, agreed.matches)
 
 
-def wave_map(points_xy: np.ndarray, size_hw: tuple[int, int], stride: float) -> FeatureMap:
+@pytest.mark.parametrize(
+    ("other_cell", "inlier_patches", "lost"),
+    [
+        ((5, 6), 0.9, 2),  # two neighbours changed places: each is one patch off
+        ((5, 6), 1.1, 0),
+        ((6, 6), 1.25, 2),  # two diagonal ones: sqrt(2) patches off
+        ((6, 6), 1.45, 0),
+    ],
+)
+def test_the_tolerance_is_counted_in_patches(
+    unit_grid: Callable[..., np.ndarray],
+    other_cell: tuple[int, int],
+    inlier_patches: float,
+    lost: int,
+) -> None:
+    before = unit_grid(np.random.default_rng(0), 12, 14, 16)
+    after = before.copy()
+    after[5, 5], after[other_cell] = before[other_cell], before[5, 5]
+    size_hw = (12 * 30, 14 * 30)
+    grid = PatchGrid.covering(size_hw, size_hw=(12, 14))
+    found = align(
+        (FeatureMap(descriptors=before, grid=grid),),
+        (FeatureMap(descriptors=after, grid=grid),),
+        AlignSettings(inlier_patches=inlier_patches),
+        sizes_hw=(size_hw, size_hw),
+    )
+    assert isinstance(found, Alignment)
+    assert found.matches == 12 * 14
+    assert found.inliers == 12 * 14 - lost
+
+
+def wave_map(points_xy: np.ndarray, size_hw: tuple[int, int]) -> FeatureMap:
     """Descriptors that are smooth functions of a place on the wall."""
     rng = np.random.default_rng(5)
     directions, phases = rng.normal(size=(2, 64)) * 0.05, rng.uniform(0, 6.3, 64)
@@ -160,8 +192,8 @@ def test_finer_maps_sharpen_the_estimate() -> None:
     maps_t0, maps_t1 = [], []
     for cells in (16, 64):
         centres = PatchGrid.covering((256, 256), size_hw=(cells, cells)).centres_xy()
-        maps_t0.append(wave_map(centres, (cells, cells), 256 / cells))
-        maps_t1.append(wave_map(apply(np.linalg.inv(motion), centres), (cells, cells), 256 / cells))
+        maps_t0.append(wave_map(centres, (cells, cells)))
+        maps_t1.append(wave_map(apply(np.linalg.inv(motion), centres), (cells, cells)))
     errors = {}
     for depths in (1, 2):
         found = align(

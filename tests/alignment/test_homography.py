@@ -78,7 +78,7 @@ def test_a_match_agrees_up_to_one_and_a_quarter_patches(
     *, off_patches: float, agrees: bool
 ) -> None:
     points_a = grid_points()
-    points_b = points_a + (5.0, 3.0)
+    points_b = points_a + np.array([5.0, 3.0])
     points_b[400] += (0.6 * off_patches * PATCH_PX, 0.8 * off_patches * PATCH_PX)
     found = fit(points_a, points_b)
     assert bool(found.inliers[400]) is agrees
@@ -176,6 +176,7 @@ def test_a_motion_as_on_a_street_is_not_absurd() -> None:
     ("h", "word"),
     [
         (np.array([[-1.0, 0, 639], [0, 1, 0], [0, 0, 1]]), "mirrors"),
+        (np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 1]]), "flattens"),
         (np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 300, 0, 1]]), "behind"),
         (np.diag([9.0, 9.0, 1.0]), "scale"),
         (np.diag([1 / 9, 1 / 9, 1.0]), "scale"),

@@ -52,17 +52,17 @@ def compare(
     )
 
 
-def one_patch_differs(cosine: float) -> tuple[FeatureMap, FeatureMap]:
+def one_patch_differs(cosine: float) -> tuple[tuple[FeatureMap], tuple[FeatureMap]]:
     """Two photos of 2 x 3 patches; the last patch has this cosine, the others are equal."""
     same = np.zeros((2, 3, 2), dtype=np.float32)
     same[..., 0] = 1.0
     other = same.copy()
     other[1, 2] = (cosine, np.sqrt(1 - cosine**2))
-    return feature_map(same), feature_map(other)
+    return (feature_map(same),), (feature_map(other),)
 
 
 def test_a_patch_beyond_tau_is_changed_and_its_neighbours_are_not() -> None:
-    found = compare(*((m,) for m in one_patch_differs(0.0)), tau=1.0)
+    found = compare(*one_patch_differs(0.0), tau=1.0)
     # Patches are 16 px; sqrt(2) w > 1 where the bilinear weight w exceeds .707.
     assert found.changed[31, 47]
     assert found.changed[24, 40]
@@ -72,22 +72,22 @@ def test_a_patch_beyond_tau_is_changed_and_its_neighbours_are_not() -> None:
 
 
 def test_a_distance_of_exactly_tau_is_not_changed() -> None:
-    maps = [(m,) for m in one_patch_differs(0.5)]  # 2 - 2 * .5 = 1: distance 1 without rounding
+    maps = one_patch_differs(0.5)  # 2 - 2 * .5 = 1: distance 1 without rounding
     assert compare(*maps, tau=1.0).distance.max() == 1.0
     assert not compare(*maps, tau=1.0).changed.any()
     assert compare(*maps, tau=np.nextafter(1.0, 0)).changed.any()
 
 
 def test_the_users_tau_comes_before_the_encoders_and_the_fitted_one() -> None:
-    maps = [(m,) for m in one_patch_differs(0.5)]
+    here, there = one_patch_differs(0.5)
     for threshold in ("encoder", "pair"):
         rule = ChangeSettings(tau=0.25, threshold=threshold, search_radius=0)
-        assert compare(*maps, rule, tau=1.9).tau == 0.25
-        assert compare(*maps, rule, tau=1.9).changed.any()
+        assert compare(here, there, rule, tau=1.9).tau == 0.25
+        assert compare(here, there, rule, tau=1.9).changed.any()
 
 
 def test_the_encoders_tau_counts_where_the_settings_give_none() -> None:
-    assert compare(*((m,) for m in one_patch_differs(0.5)), tau=0.9).tau == 0.9
+    assert compare(*one_patch_differs(0.5), tau=0.9).tau == 0.9
 
 
 @given(seeds, rules)
@@ -127,7 +127,7 @@ def test_what_the_other_photo_does_not_show_is_neither_changed_nor_distant(
 
 @pytest.mark.parametrize("threshold", ["encoder", "pair"])
 def test_photos_that_share_nothing_are_unknown_everywhere(threshold: Any) -> None:
-    here, there = ((m,) for m in one_patch_differs(0.0))
+    here, there = one_patch_differs(0.0)
     rule = ChangeSettings(threshold=threshold)
     everywhere = np.ones(PHOTO_HW, dtype=bool)
     for found in (
@@ -141,11 +141,11 @@ def test_photos_that_share_nothing_are_unknown_everywhere(threshold: Any) -> Non
 
 
 def test_depths_are_averaged() -> None:
-    coarse = one_patch_differs(0.0)
+    coarse_here, coarse_there = one_patch_differs(0.0)
     still = np.zeros((4, 6, 2), dtype=np.float32)
     still[..., 0] = 1.0
     fine = feature_map(still)
-    found = compare((coarse[0], fine), (coarse[1], fine), tau=0.5)
+    found = compare((*coarse_here, fine), (*coarse_there, fine), tau=0.5)
     # The coarse depth says sqrt(2) in the corner, the fine one 0; they count the same.
     assert found.distance[31, 47] == pytest.approx(np.sqrt(2) / 2, abs=1e-5)
 

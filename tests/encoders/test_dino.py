@@ -72,6 +72,7 @@ def published(network: Any, name: str) -> dict[str, Tensor]:
             result[f"blocks.{index}.attn.qkv.{part}"] = joint
     if name == "dinov3-s":
         result["rope_embed.periods"] = torch.ones(6)
+        result["mask_token"] = result["mask_token"].flatten(0, 1)  # (1, dim) in Meta's code
         for index in range(SMALL["num_hidden_layers"]):
             result[f"blocks.{index}.attn.qkv.bias_mask"] = torch.ones(144)
     return result

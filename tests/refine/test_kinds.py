@@ -104,5 +104,5 @@ def test_no_change_that_both_photos_show_is_lost_or_invented(seed: int) -> None:
     removed, added = (inside & (rng.random(SIZE_HW) < 0.3) for _ in range(2))
     novelty = rng.normal(size=SIZE_HW).astype(np.float32)
     settled = settle(removed, added, novelty, -novelty)
-    before, after = removed | left(added), settled[0] | left(settled[1])
-    np.testing.assert_array_equal(before, after)
+    flagged, claimed = removed | left(added), settled[0] | left(settled[1])
+    np.testing.assert_array_equal(flagged, claimed)

@@ -44,7 +44,7 @@ def painted(region: Region) -> Mask:
 
 
 def decode(rle: Any) -> Mask:
-    """COCO's run lengths by their definition: columns first, five bits a letter, third-last sums."""
+    """COCO's run lengths by their definition: columns first, five bits a letter."""
     height, width = rle["size"]
     runs: list[int] = []
     value = bits = 0
@@ -56,6 +56,7 @@ def decode(rle: Any) -> Mask:
             continue
         if number & 16:
             value -= 1 << bits
+        # From the fourth on, a run says how much longer it is than the last but one.
         runs.append(value + runs[-2] if len(runs) > 2 else value)
         value = bits = 0
     flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)

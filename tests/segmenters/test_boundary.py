@@ -114,7 +114,7 @@ def test_weights_that_do_not_fit_are_refused_and_the_cause_names_the_key(
     from safetensors.torch import save_file
 
     save_file(damaged(kind, BoundaryHead().state_dict()), tmp_path / boundary.WEIGHTS_FILE)
-    monkeypatch.setattr(boundary.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr("importlib.resources.files", lambda package: tmp_path)
     with pytest.raises(WeightsError, match="reinstall") as refusal:
         load_head()
     assert "mix.weight" in str(refusal.value.__cause__)
@@ -126,7 +126,7 @@ def test_a_damaged_or_absent_file_is_one_line_that_says_what_to_do(
 ) -> None:
     if content:
         (tmp_path / boundary.WEIGHTS_FILE).write_bytes(content)
-    monkeypatch.setattr(boundary.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr("importlib.resources.files", lambda package: tmp_path)
     with pytest.raises(WeightsError, match="pip install") as refusal:
         load_head()
     assert "\n" not in str(refusal.value)

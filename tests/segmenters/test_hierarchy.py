@@ -23,7 +23,7 @@ def borders(seed: int, size_hw: tuple[int, int] = (18, 22)) -> Map:
     noise = np.random.default_rng(seed).random(size_hw)
     smooth = cv2.GaussianBlur(noise, (0, 0), 1.2)
     stretched = (smooth - smooth.min()) / (smooth.max() - smooth.min())
-    return stretched.astype(np.float32)
+    return np.asarray(stretched, dtype=np.float32)
 
 
 def leaves_of(tree: Hierarchy, node: int) -> frozenset[int]:
@@ -46,7 +46,7 @@ def mean_border(
                 pair = {int(leaf_of[y, x]), int(leaf_of[other_y, other_x])}
                 if len(pair) == 2 and len(pair & a) == 1 and len(pair & b) == 1:
                     strengths.append(max(boundary[y, x], boundary[other_y, other_x]))
-    return float(np.mean(np.float64(strengths))) if strengths else None
+    return float(np.mean(strengths, dtype=np.float64)) if strengths else None
 
 
 def merged_plainly(leaf_of: NDArray[np.int32], boundary: Map) -> list[frozenset[int]]:

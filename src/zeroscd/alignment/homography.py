@@ -96,8 +96,8 @@ def absurdity(
 ) -> str | None:
     """Say why a homography cannot relate two photos of one place; None when it can.
 
-    Looked at: corners that are mirrored, folded or carried behind the camera, and a change of
-    area beyond any zoom of a street camera.
+    Looked at: corners that are mirrored, flattened or carried behind the camera (which folds the
+    photo), and a change of area beyond any zoom of a street camera.
     """
     height, width = size_a_hw
     corners_a = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
@@ -107,10 +107,8 @@ def absurdity(
     edges = np.roll(corners_b, -1, axis=0) - corners_b
     following = np.roll(edges, -1, axis=0)
     turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
-    if (turns <= 0).all():
-        return "the homography mirrors the photo"
-    if (turns <= 0).any():
-        return "the homography folds the photo"
+    if (turns <= 0).any():  # in front of the camera a photo stays convex: all turns have one sign
+        return "the homography mirrors or flattens the photo"
     ratio = _polygon_area(corners_b) / float(np.prod(size_b_hw))
     if not 1 / SCALE_LIMIT**2 < ratio < SCALE_LIMIT**2:
         return f"the homography changes the scale {np.sqrt(ratio):.2g} times"

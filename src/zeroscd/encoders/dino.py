@@ -47,6 +47,8 @@ DINOV3_RULES: Rules = (
     (r"\.mlp\.fc2\.", ".mlp.down_proj."),
 )
 
+MASKED_PATCH = "embeddings.mask_token"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DinoForm:
@@ -109,7 +111,10 @@ def converted(tensors: Mapping[str, Tensor], form: DinoForm, *, source: str) -> 
         WeightsError: Two tensors would get one name.
     """
     cut = split_in_three(tensors, joint=".qkv.", parts=(".q_proj.", ".k_proj.", ".v_proj."))
-    return renamed(cut, form.rules, source=source)
+    result = renamed(cut, form.rules, source=source)
+    if form.rules is DINOV3_RULES and MASKED_PATCH in result:
+        result[MASKED_PATCH] = result[MASKED_PATCH].reshape(1, 1, -1)  # Meta writes it flat
+    return result
 
 
 def wrap(network: Any, settings: Settings, *, device: str) -> TransformerEncoder:  # noqa: ANN401

@@ -7,7 +7,7 @@ ReLU6. Names of the parts are those of the checkpoint's keys.
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import torch
 from torch import nn
@@ -16,6 +16,8 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+ModuleT = TypeVar("ModuleT", bound=nn.Module)
 
 BATCH_NORM_EPS = 1e-3  # as the checkpoint was trained
 STEM_CHANNELS = 32
@@ -68,6 +70,13 @@ class Block(nn.Module):
         y = functional.relu6(self._bn1(self._depthwise_conv(y)), inplace=True)
         narrow: torch.Tensor = self._bn2(self._project_conv(y))
         return x + narrow if self.adds_input else narrow
+
+    def fold(self) -> None:
+        """Fold each normalisation into the convolution before it."""
+        if self.widens:
+            _fold(self, "_expand_conv", "_bn0")
+        _fold(self, "_depthwise_conv", "_bn1")
+        _fold(self, "_project_conv", "_bn2")
 
 
 class Trunk(nn.Module):
@@ -124,12 +133,16 @@ class Trunk(nn.Module):
         """
         folded = copy.deepcopy(self).eval()
         _fold(folded, "_conv_stem", "_bn0")
-        for block in folded._blocks:
-            if block.widens:
-                _fold(block, "_expand_conv", "_bn0")
-            _fold(block, "_depthwise_conv", "_bn1")
-            _fold(block, "_project_conv", "_bn2")
-        return folded.to(memory_format=torch.channels_last)
+        for block in folded.modules():
+            if isinstance(block, Block):
+                block.fold()
+        return channels_last(folded)
+
+
+def channels_last(network: ModuleT) -> ModuleT:
+    """Store a network's weights with channels last, which CPUs convolve faster."""
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # stub lacks it
+    return network
 
 
 def _fold(owner: nn.Module, conv: str, norm: str) -> None:

@@ -10,7 +10,12 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from zeroscd.arrays import Map, Mask
+
+SMOOTHING_SHARE = 1 / 16  # of the photo's shorter side: about as far as one thing reaches
+ISLAND_SHARE = 0.15  # of a connected change: a smaller piece has no kind of its own
 
 
 def settle_kinds(
@@ -21,13 +26,13 @@ def settle_kinds(
     novelty_t1: Map,
     carriers: tuple[Callable[[Mask], Mask], Callable[[Mask], Mask]],
 ) -> tuple[Mask, Mask]:
-    """Give each changed part to the photo in which it is the novelty.
+    """Give each change to the photo in which it is the novelty.
 
     A thing that appeared hides a piece of road or wall, and that piece is flagged in the other
     photo. But road and wall go on beside the thing and find their like in the neighbourhood that
-    the search looks at; the thing itself does not. So a connected part stays where it was flagged
-    if its mean novelty is not negative, and moves to the other photo otherwise. Nothing is lost:
-    the union of both masks, seen from either photo, stays what it was.
+    the search looks at; the thing itself does not. So everything that was flagged, in either
+    photo, belongs where its novelty, smoothed over the change, is positive; what
+    neither photo claims stays where it was flagged, so that nothing is lost.
 
     Args:
         removed_t0: (H, W) flagged in the photo before.
@@ -40,18 +45,34 @@ def settle_kinds(
         Removed in the frame of t0, added in the frame of t1.
     """
     to_t0, to_t1 = carriers
-    stays_t0 = _novel_parts(removed_t0, novelty_t0)
-    stays_t1 = _novel_parts(added_t1, novelty_t1)
+    new_t0 = _novel(removed_t0 | to_t0(added_t1), novelty_t0)
+    new_t1 = _novel(added_t1 | to_t1(removed_t0), novelty_t1)
     return (
-        stays_t0 | to_t0(added_t1 & ~stays_t1),
-        stays_t1 | to_t1(removed_t0 & ~stays_t0),
+        new_t0 | (removed_t0 & ~to_t0(new_t1)),
+        new_t1 | (added_t1 & ~to_t1(new_t0)),
     )
 
 
-def _novel_parts(mask: Mask, novelty: Map) -> Mask:
-    """Keep the connected parts whose mean novelty is not negative."""
-    count, labels = cv2.connectedComponents(mask.astype(np.uint8))
-    total = np.bincount(labels.ravel(), novelty.ravel(), minlength=count)
-    keeps = total >= 0.0
-    keeps[0] = False  # what is not flagged
-    return np.asarray(keeps[labels], dtype=bool)
+def _novel(changed: Mask, novelty: Map) -> Mask:
+    """Keep the part of a change that is new in this photo."""
+    sigma_px = SMOOTHING_SHARE * min(changed.shape)
+    # Only the sign matters, so the usual division by the smoothed mask is left out.
+    smooth = cv2.GaussianBlur(np.where(changed, novelty, 0).astype(np.float32), (0, 0), sigma_px)
+    novel = changed & (smooth > 0)
+    count, labels = cv2.connectedComponents(changed.astype(np.uint8))
+    whole_of = np.asarray(labels, dtype=np.int32)
+    whole_px = np.bincount(whole_of.ravel(), minlength=count)
+    leaves = _islands(novel, whole_of, whole_px)
+    joins = _islands(changed & ~novel, whole_of, whole_px)
+    return np.asarray((novel & ~leaves) | joins, dtype=bool)
+
+
+def _islands(part: Mask, whole_of: NDArray[np.int32], whole_px: NDArray[np.intp]) -> Mask:
+    """Mark the connected pieces of a part that are small beside the change they lie in."""
+    count, labels = cv2.connectedComponents(part.astype(np.uint8))
+    piece_px = np.bincount(labels.ravel(), minlength=count)
+    whole = np.zeros(count, dtype=np.intp)
+    whole[labels[part]] = whole_of[part]  # a piece lies in one change only
+    small = piece_px < ISLAND_SHARE * whole_px[whole]
+    small[0] = False  # what is not in the part
+    return np.asarray(small[labels], dtype=bool)

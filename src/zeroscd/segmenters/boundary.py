@@ -100,4 +100,4 @@ def load_head() -> BoundaryHead:
     except (OSError, RuntimeError, ValueError, SafetensorError) as cause:
         message = f"{file} is damaged; reinstall: pip install --force-reinstall zeroscd"
         raise WeightsError(message) from cause
-    return head.eval().to(memory_format=torch.channels_last)
+    return head.eval()

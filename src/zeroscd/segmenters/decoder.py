@@ -29,6 +29,8 @@ class Scene:
     Attributes:
         tokens: (1, P, dim) the photo's tokens, row by row, P = side * side.
         positions: (P, dim) their position encoding.
+        first_seen: Keys and values (1, heads, P, c) that the first layer's points look at.
+        first_asking: (P, heads * c) with what the photo's tokens ask the points in that layer.
         side: Of the square of tokens.
         finer: Added after the first and the second upscaling: (P, 4, c) and (P, 4, 4, c) from
             SAM 2's finer features, or just the biases.
@@ -36,6 +38,8 @@ class Scene:
 
     tokens: Tensor
     positions: Tensor
+    first_seen: tuple[Tensor, Tensor]
+    first_asking: Tensor
     side: int
     finer: tuple[Tensor, Tensor]
 
@@ -50,14 +54,21 @@ def scene_of(model: Any, embedding: Any) -> Scene:  # noqa: ANN401 - transformer
     *fine, coarse = embedding if isinstance(embedding, list | tuple) else [embedding]
     positions = model.get_image_wide_positional_embeddings()[0].flatten(1).T.contiguous()
     plain = coarse.flatten(2).transpose(1, 2)
+    tokens = (plain + model.prompt_encoder.no_mask_embed.weight).contiguous()
     decoder = model.mask_decoder
+    first = decoder.transformer.layers[0]
+    look = first.cross_attn_token_to_image
+    seen = [look.k_proj(tokens + positions), look.v_proj(tokens)]
+    keys, values = (_by_head(one, look.num_attention_heads).transpose(1, 2) for one in seen)
     biases = [decoder.upscale_conv1.bias, decoder.upscale_conv2.bias]
     if fine:
         biases[0] = biases[0] + _halves(fine[1][0], steps=1)
         biases[1] = biases[1] + _halves(fine[0][0], steps=2)
     return Scene(
-        tokens=(plain + model.prompt_encoder.no_mask_embed.weight).contiguous(),
+        tokens=tokens,
         positions=positions,
+        first_seen=(keys, values),
+        first_asking=first.cross_attn_image_to_token.q_proj(tokens[0] + positions),
         side=coarse.shape[-1],
         finer=(biases[0], biases[1]),
     )
@@ -88,17 +99,25 @@ def decode(decoder: Any, scene: Scene, prompts: Tensor) -> tuple[Tensor, Tensor]
 def _talk(transformer: Any, tokens: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:  # noqa: ANN401
     """Let the points' tokens and the photo's tokens attend to each other."""
     queries, photo = tokens, scene.tokens
-    for layer in transformer.layers:
+    for number, layer in enumerate(transformer.layers):
         # The first layer has nothing yet to add the prompts to: its queries are the prompts.
         asking = queries if layer.skip_first_layer_pe else queries + tokens
         mixed = _attend_to_each_other(layer.self_attn, asking, queries)
         queries = layer.layer_norm1(mixed if layer.skip_first_layer_pe else queries + mixed)
-        seen = _look_at_photo(layer.cross_attn_token_to_image, queries + tokens, photo, scene)
+        placed = photo + scene.positions
+        look, listen = layer.cross_attn_token_to_image, layer.cross_attn_image_to_token
+        if number == 0:
+            seen = _look_at_shared(look, queries + tokens, scene)
+        else:
+            seen = _look_at_photo(look, queries + tokens, photo, placed)
         queries = layer.layer_norm2(queries + seen)
         queries = layer.layer_norm3(queries + layer.mlp(queries))
-        heard = _PointTokens(layer.cross_attn_image_to_token, queries + tokens, queries)
-        photo = layer.layer_norm4(_listen_to_points(heard, photo, scene))
-    seen = _look_at_photo(transformer.final_attn_token_to_image, queries + tokens, photo, scene)
+        keys = _by_head(listen.k_proj(queries + tokens), listen.num_attention_heads)
+        keys = keys * listen.scaling
+        scores = _shared_scores(keys, scene) if number == 0 else _scores(listen, keys, placed)
+        photo = layer.layer_norm4(_listen_to_points(listen, scores, queries, photo))
+    last = transformer.final_attn_token_to_image
+    seen = _look_at_photo(last, queries + tokens, photo, photo + scene.positions)
     return transformer.layer_norm_final_attn(queries + seen), photo
 
 
@@ -107,43 +126,52 @@ def _attend_to_each_other(attention: Any, asking: Tensor, values: Tensor) -> Ten
     return mixed
 
 
-@dataclass(frozen=True, slots=True)
-class _PointTokens:
-    """One attention of photo tokens to the tokens of points."""
+def _look_at_shared(attention: Any, queries: Tensor, scene: Scene) -> Tensor:  # noqa: ANN401
+    """Tokens of all points (N, T, dim) gather from the photo as it is before the first layer."""
+    points, count, _ = queries.shape
+    own = _by_head(attention.q_proj(queries).flatten(0, 1)[None], attention.num_attention_heads)
+    keys, values = scene.first_seen
+    seen = functional.scaled_dot_product_attention(own.transpose(1, 2), keys, values)
+    out: Tensor = _output(attention)(seen.transpose(1, 2).reshape(points, count, -1))
+    return out
 
-    attention: Any
-    keys: Tensor
-    values: Tensor
 
-
-def _look_at_photo(attention: Any, queries: Tensor, photo: Tensor, scene: Scene) -> Tensor:  # noqa: ANN401
-    """Tokens of points (N, T, dim) gather from the photo's (N or 1, P, dim)."""
+def _look_at_photo(attention: Any, queries: Tensor, photo: Tensor, placed: Tensor) -> Tensor:  # noqa: ANN401
+    """Tokens of points (N, T, dim) gather from their own photo tokens (N, P, dim)."""
     heads = attention.num_attention_heads
     own = _by_head(attention.q_proj(queries), heads) * attention.scaling
     # A bias of the keys would add the same to all of a query's scores: softmax ignores it.
     probes = torch.einsum("nthc,hcd->nthd", own, _rows_by_head(attention.k_proj.weight, heads))
-    probes = probes.flatten(1, 2)
-    scores = torch.matmul(probes, scene.positions.T) + torch.matmul(probes, photo.transpose(1, 2))
+    scores = torch.matmul(probes.flatten(1, 2), placed.transpose(1, 2))
     gathered = torch.unflatten(torch.matmul(scores.softmax(dim=2), photo), 1, (-1, heads))
     values = torch.einsum("nthd,hcd->nthc", gathered, _rows_by_head(attention.v_proj.weight, heads))
     out: Tensor = _output(attention)(values.flatten(2) + attention.v_proj.bias)
     return out
 
 
-def _listen_to_points(heard: _PointTokens, photo: Tensor, scene: Scene) -> Tensor:
+def _shared_scores(keys: Tensor, scene: Scene) -> Tensor:
+    """Scores of the points' keys (N, T, heads, c) for the photo before the first layer."""
+    own = torch.eye(keys.shape[2], dtype=keys.dtype, device=keys.device)
+    apart = torch.einsum("nthc,hk->nhctk", keys, own).flatten(3).flatten(1, 2)  # a head sees itself
+    return torch.matmul(scene.first_asking, apart)
+
+
+def _scores(attention: Any, keys: Tensor, placed: Tensor) -> Tensor:  # noqa: ANN401
+    """Scores of the points' keys for their own photo tokens, (N, P, T * heads)."""
+    rows = _rows_by_head(attention.q_proj.weight, keys.shape[2])
+    probes = torch.einsum("nthc,hcd->nthd", keys, rows).flatten(1, 2)
+    shift = (keys * _rows_by_head(attention.q_proj.bias, keys.shape[2])).sum(dim=3).flatten(1)
+    return torch.matmul(placed, probes.transpose(1, 2)) + shift[:, None]
+
+
+def _listen_to_points(attention: Any, scores: Tensor, queries: Tensor, photo: Tensor) -> Tensor:  # noqa: ANN401
     """The photo's tokens plus what they gather from the tokens of each point, (N, P, dim)."""
-    attention = heard.attention
     heads, output = attention.num_attention_heads, _output(attention)
-    keys = _by_head(attention.k_proj(heard.keys), heads) * attention.scaling
-    probes = torch.einsum("nthc,hcd->nthd", keys, _rows_by_head(attention.q_proj.weight, heads))
-    probes = probes.flatten(1, 2).transpose(1, 2)
-    shift = (keys * _rows_by_head(attention.q_proj.bias, heads)).sum(dim=3).flatten(1)
-    scores = torch.matmul(scene.positions, probes) + torch.matmul(photo, probes) + shift[:, None]
     shares = torch.unflatten(scores, 2, (-1, heads)).softmax(dim=2).flatten(2)
-    values = _by_head(attention.v_proj(heard.values), heads)
+    values = _by_head(attention.v_proj(queries), heads)
     gifts = torch.einsum("nthc,dhc->nthd", values, torch.unflatten(output.weight, 1, (heads, -1)))
-    richer: Tensor = torch.matmul(shares, gifts.flatten(1, 2)) + (photo + output.bias)
-    return richer
+    gifts = gifts + output.bias / heads  # the shares of each head sum to 1
+    return photo + torch.matmul(shares, gifts.flatten(1, 2))
 
 
 def _by_head(tokens: Tensor, heads: int) -> Tensor:
