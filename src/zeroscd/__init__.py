@@ -1,8 +1,8 @@
 """zeroscd: what changed between two photos of the same street?
 
 >>> import zeroscd
->>> sorted(zeroscd.__all__)[:3]
-['Alignment', 'ChangeResult', 'Detector']
+>>> zeroscd.Settings().override({"tau": 0.7}).change.tau
+0.7
 """
 
 from __future__ import annotations

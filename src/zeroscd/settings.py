@@ -130,6 +130,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "alpha": (0, 1),
     "beta": (0, 1),
     "least_peak": (0, 1),
+    "least_width": (0, 0.5),
     "min_area_px": (0, 1_000_000_000),
 }
 
@@ -244,9 +245,9 @@ PRESETS: dict[str, Settings] = {
         refine=RefineSettings(
             alpha=0.7,
             verify="off",
-            least_peak=0.75,
+            least_peak=0.85,
             kinds="novelty",
-            least_width=0.02,
+            least_width=0.015,
             min_area_px=150,
         ),
     ),

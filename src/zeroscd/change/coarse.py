@@ -11,9 +11,12 @@ from zeroscd.change.fusion import fixed_fusion, pair_fusion, search_radii, to_ph
 from zeroscd.records import CoarseChange
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from zeroscd.arrays import Mask, PointsXy
+    from zeroscd.change.distance import PatchDistance
+    from zeroscd.change.fusion import Fusion
+    from zeroscd.images.grid import PatchGrid
     from zeroscd.records import FeatureMap
     from zeroscd.settings import ChangeSettings
 
@@ -52,23 +55,8 @@ def find_coarse_change(  # noqa: PLR0913 - what step 4 needs, each by its name
         )
     ]
     if unseen.all() or not all(level.known.any() for level in levels):
-        nowhere = np.zeros(unseen.shape, dtype=np.float32)
-        return CoarseChange(
-            distance=nowhere,
-            changed=np.zeros(unseen.shape, dtype=bool),
-            unknown=np.ones(unseen.shape, dtype=bool),
-            tau=tau,
-        )
-    fusion = fixed_fusion(grids, tau)
-    if settings.threshold == "pair":
-        fusion = pair_fusion(
-            levels,
-            grids,
-            background_quantile=settings.background_quantile,
-            share=settings.tau_share,
-        )
-    if settings.tau is not None:
-        fusion = fusion._replace(tau=settings.tau)
+        return _nothing_known(unseen.shape, tau)
+    fusion = _fuse(levels, grids, settings, tau=tau)
     distance = np.zeros(unseen.shape, dtype=np.float32)
     for weight, level, grid in zip(fusion.weights, levels, grids, strict=True):
         distance += weight * to_photo(level.distance, grid, size_hw=unseen.shape)
@@ -78,4 +66,32 @@ def find_coarse_change(  # noqa: PLR0913 - what step 4 needs, each by its name
         changed=(distance > fusion.tau) & ~unseen,
         unknown=unseen,
         tau=fusion.tau,
+    )
+
+
+def _fuse(
+    levels: Sequence[PatchDistance],
+    grids: Sequence[PatchGrid],
+    settings: ChangeSettings,
+    *,
+    tau: float,
+) -> Fusion:
+    """Weigh the depths; the user's tau comes before the fitted one and the encoder's."""
+    fusion = fixed_fusion(grids, tau)
+    if settings.threshold == "pair":
+        fusion = pair_fusion(
+            levels,
+            grids,
+            background_quantile=settings.background_quantile,
+            share=settings.tau_share,
+        )
+    return fusion if settings.tau is None else fusion._replace(tau=settings.tau)
+
+
+def _nothing_known(size_hw: tuple[int, ...], tau: float) -> CoarseChange:
+    return CoarseChange(
+        distance=np.zeros(size_hw, dtype=np.float32),
+        changed=np.zeros(size_hw, dtype=bool),
+        unknown=np.ones(size_hw, dtype=bool),
+        tau=tau,
     )
