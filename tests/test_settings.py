@@ -128,6 +128,8 @@ def test_the_papers_rules_undo_what_a_preset_does_differently(name: str) -> None
     literal = flat(PRESETS[name].override({"rules": "paper"}))
     plain = flat(Settings().override({"rules": "paper"}))
     assert {key: literal[key] for key in PAPER_RULES} == {key: plain[key] for key in PAPER_RULES}
+    # Nothing of the refinement may survive: every rule there is an open point of the paper.
+    assert {f.name for f in dataclasses.fields(RefineSettings)} <= set(PAPER_RULES)
 
 
 def test_every_number_has_its_range_and_every_preset_keeps_to_it() -> None:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from zeroscd.images.read import PhotoSource
     from zeroscd.records import FeatureMap, Segments
     from zeroscd.result import Photo
-    from zeroscd.settings import Settings
+    from zeroscd.settings import RefineSettings, Settings
 
 log = logging.getLogger(__name__)
 
@@ -190,12 +190,8 @@ class Detector:
         rule = Verification(refine.verify, refine.beta)
         kept_t0 = confirm(flagged_t0, segments, pair.to_t1, rule)
         kept_t1 = confirm(flagged_t1, segments[::-1], pair.to_t0, rule)
-        removed_t0 = keep_strong(
-            unite(kept_t0, pair.size_t0_hw), coarse[0], least_peak=refine.least_peak
-        )
-        added_t1 = keep_strong(
-            unite(kept_t1, pair.size_t1_hw), coarse[1], least_peak=refine.least_peak
-        )
+        removed_t0 = unite(kept_t0, pair.size_t0_hw)
+        added_t1 = unite(kept_t1, pair.size_t1_hw)
         if refine.kinds == "novelty":
             removed_t0, added_t1 = settle_kinds(
                 removed_t0,
@@ -204,11 +200,9 @@ class Detector:
                 novelty_t1=coarse[1].distance - pair.map_to_t1(coarse[0].distance),
                 carriers=(pair.to_t0, pair.to_t1),
             )
-        removed_t0 = drop_slivers(removed_t0, least_width=refine.least_width)
-        added_t1 = drop_slivers(added_t1, least_width=refine.least_width)
         return (
-            drop_specks(removed_t0, min_area_px=refine.min_area_px),
-            drop_specks(added_t1, min_area_px=refine.min_area_px),
+            _things(removed_t0, coarse[0], self.settings.refine),
+            _things(added_t1, coarse[1], self.settings.refine),
         )
 
 
@@ -266,6 +260,13 @@ class Clock:
         start = time.perf_counter()
         yield
         self.seconds[name] = round(time.perf_counter() - start, 4)
+
+
+def _things(mask: Mask, coarse: CoarseChange, refine: RefineSettings) -> Mask:
+    """Leave out what is too thin, too weak or too small to be a thing."""
+    wide = drop_slivers(mask, least_width=refine.least_width)
+    strong = keep_strong(wide, coarse, least_peak=refine.least_peak)
+    return drop_specks(strong, min_area_px=refine.min_area_px)
 
 
 def _blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:

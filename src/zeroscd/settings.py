@@ -147,6 +147,7 @@ PAPER_RULES: dict[str, object] = {
     "least_peak": 0.0,
     "least_width": 0.0,
     "kinds": "frame",
+    "min_area_px": 0,
     "prompting": "everything",
 }
 

@@ -67,7 +67,7 @@ def test_a_change_flagged_in_both_photos_has_one_kind() -> None:
     assert not added.any()
 
 
-def test_each_connected_part_is_judged_by_its_own_mean() -> None:
+def test_changes_far_apart_are_judged_each_by_its_own_novelty() -> None:
     one, other = box(1, 1, 3, 3), box(9, 5, 3, 3)
     novelty = constant(0.0)
     novelty[one] = 0.2
@@ -76,6 +76,35 @@ def test_each_connected_part_is_judged_by_its_own_mean() -> None:
     removed, added = settle(one | other, NOTHING, novelty, -novelty)
     np.testing.assert_array_equal(removed, one)
     np.testing.assert_array_equal(added, right(other))
+
+
+def changed_with_rim(new_columns: int) -> tuple[Mask, Mask]:
+    """A change forty columns wide, of which the first columns are new in t0, the others in t1."""
+    novelty = np.full((120, 200), 0.3, dtype=np.float32)
+    novelty[:, 80 + new_columns :] = -0.3
+    change = np.zeros((120, 200), dtype=bool)
+    change[40:80, 80:120] = True
+    return settle_kinds(
+        change,
+        np.zeros_like(change),
+        novelty_t0=novelty,
+        novelty_t1=-novelty,
+        carriers=(np.copy, np.copy),
+    )
+
+
+def test_a_small_piece_takes_the_kind_of_the_change_it_lies_in() -> None:
+    removed, added = changed_with_rim(new_columns=37)
+    assert removed.sum() == 40 * 40
+    assert not added.any()
+
+
+def test_a_change_of_two_things_side_by_side_has_two_kinds() -> None:
+    removed, added = changed_with_rim(new_columns=20)
+    assert removed[40:80, 80:98].all()
+    assert added[40:80, 102:120].all()
+    assert not (removed & added).any()
+    assert (removed | added).sum() == 40 * 40
 
 
 def test_undecided_parts_stay_where_they_were_flagged() -> None:
