@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import argparse
 import os
-import platform
 import time
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
+from zeroscd.bench import machine
 from zeroscd.encoders import dino
 from zeroscd.evaluation.scores import write_json
 from zeroscd.models import pick_device, pick_precision
@@ -247,17 +248,17 @@ def ratios(encoder: dict[str, float], found: dict[str, Any], clock: str) -> dict
     }
 
 
-def machine(device: str) -> dict[str, Any]:
+def conditions(device: str) -> dict[str, Any]:
     """Describe what the numbers were taken on."""
-    name = torch.cuda.get_device_name() if device == "cuda" else platform.processor() or "unknown"
+    card = {"card": torch.cuda.get_device_name()} if device == "cuda" else {}
     return {
+        **machine(),
         "device": device,
-        "name": name,
-        "cpu": torch.backends.cpu.get_cpu_capability(),
-        "cores": os.cpu_count(),
+        **card,
+        "transformers": version("transformers"),
+        "cpu_capability": torch.backends.cpu.get_cpu_capability(),
         "threads": torch.get_num_threads(),
         "load_average": [round(load, 1) for load in os.getloadavg()],
-        "torch": torch.__version__,
     }
 
 
@@ -275,7 +276,7 @@ def main() -> None:
     content: dict[str, Any] = {
         "schema": 1,
         "name": options.name,
-        "machine": machine(device),
+        "machine": conditions(device),
         "precision": precision,
         "photo_px": PHOTO_PX,
         "dinov2_b_both_photos": measure_encoder(device, half=half),
