@@ -78,16 +78,14 @@ def script_of(drawn: Any, *, things_only: bool) -> dict[bytes, list[Mask]]:
     gets the things alone.
     """
     script = {}
-    for photo, outlines in (
-        (drawn.before, drawn.outlines_t0),
-        (drawn.after, drawn.outlines_t1),
+    for photo, outlines, changed in (
+        (drawn.before, drawn.outlines_t0, drawn.removed_t0),
+        (drawn.after, drawn.outlines_t1, drawn.added_t1),
     ):
-        things = [mask for mask in outlines if mask.sum() not in (TILE_PX, mask.size)]
+        things = [mask for mask in outlines if not (mask & ~changed).any()]
         script[photo.tobytes()] = things if things_only else list(outlines)
     return script
 
-
-TILE_PX = 64 * 64
 
 SCENES = {
     "one added": {"added": [(96, 64, 64, 48)]},
