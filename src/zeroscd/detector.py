@@ -8,9 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from zeroscd.alignment.align import align
+from zeroscd.alignment.align import align, transfer
 from zeroscd.alignment.homography import apply, invert
 from zeroscd.alignment.warp import unseen, warp_map, warp_mask
 from zeroscd.change.coarse import find_coarse_change
@@ -24,7 +22,7 @@ from zeroscd.refine.shapes import drop_slivers, drop_specks
 from zeroscd.refine.strength import keep_strong
 from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
-from zeroscd.result import Alignment, ChangeResult, NotAligned
+from zeroscd.result import ChangeResult, NotAligned
 from zeroscd.settings import preset as settings_of
 
 if TYPE_CHECKING:
@@ -114,7 +112,9 @@ class Detector:
             alignment = _blankness(photo_t0, photo_t1) or align(
                 maps_t0, maps_t1, self.settings.align, sizes_hw=sizes_hw
             )
-            pair = Pair(photo_t0, photo_t1, maps_t0, maps_t1, _transfer(alignment, *sizes_hw))
+            if isinstance(alignment, NotAligned):
+                log.info("compared without alignment: %s", alignment.reason)
+            pair = Pair(photo_t0, photo_t1, maps_t0, maps_t1, transfer(alignment, *sizes_hw))
         with clock.stage("coarse"):
             coarse_t0, coarse_t1 = self._coarse(pair)
         with clock.stage("segment"):
@@ -201,8 +201,8 @@ class Detector:
                 carriers=(pair.to_t0, pair.to_t1),
             )
         return (
-            _things(removed_t0, coarse[0], self.settings.refine),
-            _things(added_t1, coarse[1], self.settings.refine),
+            _things(removed_t0, coarse[0], refine),
+            _things(added_t1, coarse[1], refine),
         )
 
 
@@ -275,16 +275,3 @@ def _blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:
             reason = f"the photo {when} is blank: there is nothing to align"
             return NotAligned(reason=reason, inliers=0, matches=0)
     return None
-
-
-def _transfer(
-    alignment: Alignment | NotAligned, size_t0_hw: tuple[int, int], size_t1_hw: tuple[int, int]
-) -> Homography:
-    """The homography, or corner onto corner where the photos could not be aligned."""
-    if isinstance(alignment, Alignment):
-        return alignment.t1_from_t0
-    log.info("compared without alignment: %s", alignment.reason)
-    scale_y, scale_x = size_t1_hw[0] / size_t0_hw[0], size_t1_hw[1] / size_t0_hw[1]
-    return np.array(
-        [[scale_x, 0.0, (scale_x - 1) / 2], [0.0, scale_y, (scale_y - 1) / 2], [0.0, 0.0, 1.0]]
-    )

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.alignment.warp import unseen, warp_map, warp_mask, warp_photo
+from zeroscd.alignment.warp import unseen, warp_map, warp_mask
 
 shifts = st.integers(-6, 6)
 
@@ -53,10 +53,3 @@ def test_numbers_are_mixed_between_pixels() -> None:
     carried = warp_map(values, shift(0.5, 0), size_b_hw=(1, 3))
     # Pixel 1 looks at 0.5, midway between 0 and 1; pixel 0 at -0.5, half outside, which is 0.
     assert carried.tolist() == [[0.0, 0.5, 2.0]]
-
-
-def test_a_photo_is_black_where_the_other_shows_nothing() -> None:
-    photo = np.full((3, 4, 3), 200, dtype=np.uint8)
-    carried = warp_photo(photo, shift(2, 0), size_b_hw=(3, 4))
-    assert (carried[:, :2] == 0).all()
-    assert (carried[:, 2:] == 200).all()

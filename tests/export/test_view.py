@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from zeroscd.export.view import UNSEEN_GREY, look_at, scaling
+from zeroscd.alignment.homography import scaling
+from zeroscd.export.view import UNSEEN_GREY, look_at
 from zeroscd.result import NotAligned, Photo
 
 if TYPE_CHECKING:

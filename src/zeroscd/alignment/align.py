@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.alignment.homography import absurdity, estimate, invert
+from zeroscd.alignment.homography import absurdity, estimate, invert, scaling
 from zeroscd.alignment.matching import match
 from zeroscd.alignment.windowed import PointMatches, match_near
 from zeroscd.result import Alignment, NotAligned
 
 if TYPE_CHECKING:
     from zeroscd.alignment.homography import Estimate
+    from zeroscd.arrays import Homography
     from zeroscd.records import FeatureMap
     from zeroscd.settings import AlignSettings
 
@@ -133,3 +134,12 @@ def _sharpen(
         if _distrust(finer, len(points.points_a), settings, sizes_hw=sizes_hw) is None and finer:
             found = finer
     return found
+
+
+def transfer(
+    alignment: Alignment | NotAligned, size_t0_hw: tuple[int, int], size_t1_hw: tuple[int, int]
+) -> Homography:
+    """Return the homography, or edges onto edges where the photos could not be aligned."""
+    if isinstance(alignment, Alignment):
+        return alignment.t1_from_t0
+    return scaling(size_t0_hw, size_t1_hw)

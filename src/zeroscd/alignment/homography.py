@@ -53,6 +53,17 @@ def invert(b_from_a: Homography) -> Homography:
     return np.asarray(inverse / inverse[2, 2])
 
 
+def scaling(from_hw: tuple[int, ...], to_hw: tuple[int, ...]) -> Homography:
+    """Map the pixels of one picture size onto another, edges on edges.
+
+    Example:
+        >>> scaling((2, 4), (1, 2)) @ (0.5, 0.5, 1)
+        array([0., 0., 1.])
+    """
+    x, y = to_hw[1] / from_hw[1], to_hw[0] / from_hw[0]
+    return np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+
+
 def estimate(
     points_a: PointsXy, points_b: PointsXy, *, tolerance_px: float, seed: int
 ) -> Estimate | None:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from zeroscd.arrays import Homography, Map, Mask, Rgb
+    from zeroscd.arrays import Homography, Map, Mask
 
 
 def warp_mask(mask_a: Mask, b_from_a: Homography, *, size_b_hw: tuple[int, int]) -> Mask:
@@ -32,13 +32,6 @@ def warp_map(map_a: Map, b_from_a: Homography, *, size_b_hw: tuple[int, int]) ->
     height, width = size_b_hw
     carried = cv2.warpPerspective(map_a, b_from_a, (width, height), flags=cv2.INTER_LINEAR)
     return np.asarray(carried, dtype=np.float32)
-
-
-def warp_photo(photo_a: Rgb, b_from_a: Homography, *, size_b_hw: tuple[int, int]) -> Rgb:
-    """Carry a photo to the other frame; what it does not show is black."""
-    height, width = size_b_hw
-    carried = cv2.warpPerspective(photo_a, b_from_a, (width, height), flags=cv2.INTER_LINEAR)
-    return np.asarray(carried, dtype=np.uint8)
 
 
 def unseen(size_a_hw: tuple[int, int], b_from_a: Homography, *, size_b_hw: tuple[int, int]) -> Mask:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from zeroscd.alignment.align import transfer
+from zeroscd.alignment.warp import warp_mask
 from zeroscd.evaluation.metrics import Counts, count
 from zeroscd.evaluation.truth import resize_mask
-from zeroscd.result import Alignment, NotAligned
+from zeroscd.result import NotAligned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -129,13 +131,13 @@ def count_kinds(result: ChangeResult, truth: Truth) -> KindHits | None:
     """
     if truth.removed is None or truth.added is None:
         return None
-    t1_from_t0 = _homography(result)
-    t0_from_t1 = np.asarray(np.linalg.inv(t1_from_t0), dtype=np.float64)
     size_t0, size_t1 = result.before.size_hw, result.after.size_hw
+    t1_from_t0 = transfer(result.alignment, size_t0, size_t1)
+    t0_from_t1 = np.asarray(np.linalg.inv(t1_from_t0), dtype=np.float64)
     removed_t0, added_t1 = resize_mask(truth.removed, size_t0), resize_mask(truth.added, size_t1)
     true_masks = {
-        "removed": (removed_t0, _carry(added_t1, t0_from_t1, size_t0)),
-        "added": (added_t1, _carry(removed_t0, t1_from_t0, size_t1)),
+        "removed": (removed_t0, warp_mask(added_t1, t0_from_t1, size_b_hw=size_t0)),
+        "added": (added_t1, warp_mask(removed_t0, t1_from_t0, size_b_hw=size_t1)),
     }
     hit = right = 0
     for region in result.regions:
@@ -161,20 +163,6 @@ def why_not_aligned(result: ChangeResult) -> str | None:
 def _histogram(values: NDArray[np.float32]) -> tuple[int, ...]:
     counts, _ = np.histogram(np.clip(values, 0.0, FARTHEST), bins=HEAT_BINS, range=(0.0, FARTHEST))
     return tuple(int(number) for number in counts)
-
-
-def _homography(result: ChangeResult) -> NDArray[np.float64]:
-    if isinstance(result.alignment, Alignment):
-        return result.alignment.t1_from_t0
-    (height_t0, width_t0), (height_t1, width_t1) = result.before.size_hw, result.after.size_hw
-    return np.diag([width_t1 / width_t0, height_t1 / height_t0, 1.0])
-
-
-def _carry(mask: Mask, there_from_here: NDArray[np.float64], size_hw: tuple[int, int]) -> Mask:
-    carried = cv2.warpPerspective(
-        mask.astype(np.uint8), there_from_here, (size_hw[1], size_hw[0]), flags=cv2.INTER_NEAREST
-    )
-    return carried.astype(bool)
 
 
 def _region_mask(region: Region, result: ChangeResult) -> Mask:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from zeroscd.result import Alignment
+from zeroscd.alignment.align import transfer
+from zeroscd.alignment.homography import scaling
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Homography, Map, Mask, PointsXy, Rgb
@@ -75,22 +76,8 @@ def look_at(result: ChangeResult, *, longest_px: int | None = None) -> View:
     )
 
 
-def scaling(from_hw: tuple[int, ...], to_hw: tuple[int, ...]) -> Homography:
-    """Map the pixels of one picture size onto another, edges on edges.
-
-    Example:
-        >>> scaling((2, 4), (1, 2)) @ (0.5, 0.5, 1)
-        array([0., 0., 1.])
-    """
-    x, y = to_hw[1] / from_hw[1], to_hw[0] / from_hw[0]
-    return np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
-
-
 def _frame_from_photos(result: ChangeResult) -> tuple[Homography, Homography]:
-    if isinstance(result.alignment, Alignment):
-        t1_from_t0 = np.asarray(result.alignment.t1_from_t0, np.float64)
-    else:
-        t1_from_t0 = scaling(result.before.size_hw, result.after.size_hw)
+    t1_from_t0 = transfer(result.alignment, result.before.size_hw, result.after.size_hw)
     if result.frame == "t1":
         return t1_from_t0, np.eye(3)
     return np.eye(3), np.asarray(np.linalg.inv(t1_from_t0), np.float64)
