@@ -18,7 +18,7 @@ ROOT = Path(zeroscd.__file__).parent
 
 # Later may import earlier, never the other way round; parts of one row do not import each other.
 LAYERS = (
-    ("arrays", "errors"),
+    ("arrays", "errors", "clock", "progress"),
     ("settings",),
     ("result",),
     ("images",),  # the door and the grid: the geometry that all stages share
@@ -26,6 +26,7 @@ LAYERS = (
     ("weights",),
     ("encoders", "alignment", "change", "segmenters", "refine"),
     ("models",),
+    ("evidence", "fingerprint"),
     ("detector",),
     ("export", "retrieval"),
     ("evaluation", "batch"),

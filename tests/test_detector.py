@@ -244,6 +244,57 @@ def test_prompts_are_wanted_only_where_something_changed(
                 assert where.mean() < 0.3
 
 
+@pytest.mark.parametrize("prompting", ["coarse", "everything"])
+def test_evidence_can_be_weighed_again_under_other_thresholds(
+    toy_encoder: PatchEncoder, draw_scene: Any, prompting: str
+) -> None:
+    scene = draw_scene(TURN, removed=[CAR], added=[SIGN], smooth=True)
+    models = Models(toy_encoder, scene.segmenter())
+    first = Settings().override({**PLAIN, "prompting": prompting, "tau": 0.2})
+    other = first.override({"tau": 1.1, "alpha": 0.4, "verify": "off", "frame": "t0"})
+    detector = Detector(first, models)
+    view_t1, view_t0 = detector.look([scene.after, scene.before])
+    evidence = detector.compare(view_t0, view_t1)
+    weighed = ((detector.decide(evidence), first), (detector.decide(evidence, other), other))
+    for again, chosen in weighed:
+        whole = Detector(chosen, models).detect(scene.before, scene.after)
+        for name in ("mask", "removed", "added", "unknown", "heatmap"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
+        assert (again.settings, again.regions) == (chosen, whole.regions)
+        assert list(again.seconds) == ["align", "coarse", "segment", "refine"]
+
+
+@pytest.mark.parametrize(
+    "other", [{"search_radius": 1}, {"seed": 1}, {"prompting": "everything"}, {"side_px": 64}]
+)
+def test_evidence_of_other_settings_is_refused(
+    toy_encoder: PatchEncoder, draw_scene: Any, other: dict[str, object]
+) -> None:
+    scene = draw_scene()
+    detector = Detector(Settings().override(PLAIN), Models(toy_encoder, scene.segmenter()))
+    evidence = detector.compare(*detector.look([scene.before, scene.after]))
+    with pytest.raises(SettingsError, match=next(iter(other))):
+        detector.decide(evidence, detector.settings.override(other))
+
+
+def test_the_second_look_has_the_outlines_of_the_other_photo_around_each_change(
+    toy_encoder: PatchEncoder, draw_scene: Any
+) -> None:
+    # One coarse map a frame may flag what the other does not: both ask for outlines there.
+    scene = draw_scene(SHIFT, removed=[CAR], added=[SIGN])
+    asked = {}
+    for verify in ("iou", "off"):
+        segmenter = scene.segmenter()
+        chosen = Settings().override({**PLAIN, "verify": verify})
+        Detector(chosen, Models(toy_encoder, segmenter)).detect(scene.before, scene.after)
+        asked[verify] = segmenter.asked
+    (both_t0, both_t1), (own_t0, own_t1) = asked["iou"], asked["off"]
+    carried_t1 = warp_mask(own_t0, SHIFT, size_b_hw=own_t1.shape)
+    np.testing.assert_array_equal(both_t1, own_t1 | carried_t1)
+    carried_t0 = warp_mask(own_t1, np.linalg.inv(SHIFT), size_b_hw=own_t0.shape)
+    np.testing.assert_array_equal(both_t0, own_t0 | carried_t0)
+
+
 def test_an_outline_that_stayed_is_refuted_by_its_counterpart(
     run: Callable[..., ChangeResult], draw_scene: Any
 ) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import logging
-import time
-from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from zeroscd.alignment.align import align, transfer
-from zeroscd.alignment.homography import apply, invert
-from zeroscd.alignment.warp import unseen, warp_map, warp_mask
-from zeroscd.change.coarse import find_coarse_change
+from zeroscd.alignment.homography import apply
+from zeroscd.alignment.warp import unseen
+from zeroscd.change.coarse import find_coarse_change, measure_distances
+from zeroscd.clock import Clock
+from zeroscd.evidence import Evidence, Pair, View
 from zeroscd.images.contrast import is_blank
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models, load_models
@@ -24,13 +23,15 @@ from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
 from zeroscd.result import ChangeResult, NotAligned
 from zeroscd.settings import preset as settings_of
+from zeroscd.settings import require_same_evidence
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping, Sequence
 
-    from zeroscd.arrays import Homography, Map, Mask
+    from zeroscd.arrays import Mask
+    from zeroscd.change.coarse import DepthDistances
     from zeroscd.images.read import PhotoSource
-    from zeroscd.records import FeatureMap, Segments
+    from zeroscd.records import Segments
     from zeroscd.result import Photo
     from zeroscd.settings import RefineSettings, Settings
 
@@ -99,167 +100,182 @@ class Detector:
     def detect(self, before: PhotoSource, after: PhotoSource) -> ChangeResult:
         """Find what changed; the photos may differ in size.
 
+        The same as `look`, `compare` and `decide`, one after the other.
+
         Raises:
             ImageError: A photo cannot be read.
         """
         clock = Clock()
-        with clock.stage("read"):
-            photo_t0, photo_t1 = read_photo(before), read_photo(after)
-        with clock.stage("encode"):
-            maps_t0, maps_t1 = self.models.encoder.encode([photo_t0.pixels, photo_t1.pixels])
-        with clock.stage("align"):
-            sizes_hw = (photo_t0.size_hw, photo_t1.size_hw)
-            alignment = _blankness(photo_t0, photo_t1) or align(
-                maps_t0, maps_t1, self.settings.align, sizes_hw=sizes_hw
-            )
-            if isinstance(alignment, NotAligned):
-                log.info("compared without alignment: %s", alignment.reason)
-            pair = Pair(photo_t0, photo_t1, maps_t0, maps_t1, transfer(alignment, *sizes_hw))
+        view_t0, view_t1 = self._look([before, after], clock)
+        return self.decide(self._compare(view_t0, view_t1, clock))
+
+    def look(self, photos: Sequence[PhotoSource]) -> list[View]:
+        """Read and encode photos; what comes back can be compared with any number of others.
+
+        Raises:
+            ImageError: A photo cannot be read.
+        """
+        return self._look(photos, Clock())
+
+    def compare(self, view_t0: View, view_t1: View) -> Evidence:
+        """Gather everything about two views that no threshold decides."""
+        return self._compare(view_t0, view_t1, Clock())
+
+    def decide(self, evidence: Evidence, settings: Settings | None = None) -> ChangeResult:
+        """Turn evidence into a result.
+
+        Args:
+            evidence: As this detector gathered it.
+            settings: Other thresholds than the detector's own: anything in
+                `zeroscd.settings.THRESHOLDS` may differ.
+
+        Raises:
+            SettingsError: The settings differ in what the evidence was gathered under.
+        """
+        chosen = settings or self.settings
+        require_same_evidence(chosen, evidence.settings)
+        clock, pair = Clock(evidence.seconds), evidence.pair
         with clock.stage("coarse"):
-            coarse_t0, coarse_t1 = self._coarse(pair)
+            coarse = self._coarse(evidence, chosen)
         with clock.stage("segment"):
-            segments_t0 = self._segment(photo_t0, maps_t0, coarse_t0)
-            segments_t1 = self._segment(photo_t1, maps_t1, coarse_t1)
+            segments = evidence.segments or self._segment_around(pair, coarse, chosen)
         with clock.stage("refine"):
-            removed, added = self._refine(pair, (coarse_t0, coarse_t1), (segments_t0, segments_t1))
+            removed, added = _refine(pair, coarse, segments, chosen.refine)
             # An outline may reach beyond what the other photo shows: no statement there.
-            removed, added = removed & ~coarse_t0.unknown, added & ~coarse_t1.unknown
-            regions = find_regions(removed, added, coarse_t0, coarse_t1)
-        t0_is_frame = self.settings.frame == "t0"
-        coarse = coarse_t0 if t0_is_frame else coarse_t1
+            removed, added = removed & ~coarse[0].unknown, added & ~coarse[1].unknown
+            regions = find_regions(removed, added, *coarse)
+        t0_is_frame = chosen.frame == "t0"
+        shown = coarse[0] if t0_is_frame else coarse[1]
         return ChangeResult(
-            before=photo_t0,
-            after=photo_t1,
-            frame=self.settings.frame,
+            before=pair.view_t0.photo,
+            after=pair.view_t1.photo,
+            frame=chosen.frame,
             mask=removed | pair.to_t0(added) if t0_is_frame else added | pair.to_t1(removed),
             removed=removed,
             added=added,
-            unknown=coarse.unknown,
-            heatmap=coarse.distance,
+            unknown=shown.unknown,
+            heatmap=shown.distance,
             regions=regions,
-            alignment=alignment,
-            settings=self.settings,
+            alignment=evidence.alignment,
+            settings=chosen,
             preset=self.preset,
             seconds=clock.seconds,
         )
 
-    def _coarse(self, pair: Pair) -> tuple[CoarseChange, CoarseChange]:
-        settings, tau = self.settings.change, self.models.encoder.tau
-        coarse_t0 = find_coarse_change(
-            pair.maps_t0,
-            pair.maps_t1,
+    def _look(self, sources: Sequence[PhotoSource], clock: Clock) -> list[View]:
+        with clock.stage("read"):
+            photos = [read_photo(source) for source in sources]
+        with clock.stage("encode"):
+            maps = self.models.encoder.encode([photo.pixels for photo in photos])
+        return [View(photo, of_photo) for photo, of_photo in zip(photos, maps, strict=True)]
+
+    def _compare(self, view_t0: View, view_t1: View, clock: Clock) -> Evidence:
+        sizes_hw = (view_t0.size_hw, view_t1.size_hw)
+        with clock.stage("align"):
+            alignment = _blankness(view_t0.photo, view_t1.photo) or align(
+                view_t0.maps, view_t1.maps, self.settings.align, sizes_hw=sizes_hw
+            )
+            if isinstance(alignment, NotAligned):
+                log.info("compared without alignment: %s", alignment.reason)
+            pair = Pair(view_t0, view_t1, transfer(alignment, *sizes_hw))
+        with clock.stage("coarse"):
+            distances_t0, distances_t1 = self._distances(pair)
+        with clock.stage("segment"):
+            everything = self.settings.segment.prompting == "everything"
+            segments = self._segment(pair, (None, None)) if everything else None
+        return Evidence(
+            pair=pair,
+            alignment=alignment,
+            distances_t0=distances_t0,
+            distances_t1=distances_t1,
+            segments=segments,
+            settings=self.settings,
+            seconds=clock.seconds,
+        )
+
+    def _distances(self, pair: Pair) -> tuple[DepthDistances, DepthDistances | None]:
+        settings, here, there = self.settings.change, pair.view_t0, pair.view_t1
+        distances_t0 = measure_distances(
+            here.maps,
+            there.maps,
             lambda points: apply(pair.t1_from_t0, points),
             settings,
-            tau=tau,
-            unseen=unseen(pair.size_t1_hw, pair.t0_from_t1, size_b_hw=pair.size_t0_hw),
+            unseen=unseen(there.size_hw, pair.t0_from_t1, size_b_hw=here.size_hw),
         )
-        unseen_t1 = unseen(pair.size_t0_hw, pair.t1_from_t0, size_b_hw=pair.size_t1_hw)
         if settings.coarse_frames == "t0":
-            return coarse_t0, CoarseChange(
-                distance=warp_map(coarse_t0.distance, pair.t1_from_t0, size_b_hw=pair.size_t1_hw),
-                changed=pair.to_t1(coarse_t0.changed),
-                unknown=unseen_t1,
-                tau=coarse_t0.tau,
-            )
-        coarse_t1 = find_coarse_change(
-            pair.maps_t1,
-            pair.maps_t0,
+            return distances_t0, None
+        distances_t1 = measure_distances(
+            there.maps,
+            here.maps,
             lambda points: apply(pair.t0_from_t1, points),
             settings,
-            tau=tau,
-            unseen=unseen_t1,
+            unseen=unseen(here.size_hw, pair.t1_from_t0, size_b_hw=there.size_hw),
         )
-        return coarse_t0, coarse_t1
+        return distances_t0, distances_t1
+
+    def _coarse(self, evidence: Evidence, settings: Settings) -> tuple[CoarseChange, CoarseChange]:
+        tau, pair = self.models.encoder.tau, evidence.pair
+        coarse_t0 = find_coarse_change(evidence.distances_t0, settings.change, tau=tau)
+        if evidence.distances_t1 is not None:
+            return coarse_t0, find_coarse_change(evidence.distances_t1, settings.change, tau=tau)
+        size_t0_hw, size_t1_hw = pair.view_t0.size_hw, pair.view_t1.size_hw
+        return coarse_t0, CoarseChange(
+            distance=pair.map_to_t1(coarse_t0.distance),
+            changed=pair.to_t1(coarse_t0.changed),
+            unknown=unseen(size_t0_hw, pair.t1_from_t0, size_b_hw=size_t1_hw),
+            tau=coarse_t0.tau,
+        )
+
+    def _segment_around(
+        self, pair: Pair, coarse: tuple[CoarseChange, CoarseChange], settings: Settings
+    ) -> tuple[Segments, Segments]:
+        """Ask for outlines around coarse change only.
+
+        The second look compares a flagged outline with the other photo's outlines of the same
+        place, so these are asked for as well.
+        """
+        changed_t0, changed_t1 = coarse[0].changed, coarse[1].changed
+        if settings.refine.verify != "off":
+            changed_t0, changed_t1 = (
+                changed_t0 | pair.to_t0(changed_t1),
+                changed_t1 | pair.to_t1(changed_t0),
+            )
+        return self._segment(pair, (changed_t0, changed_t1))
 
     def _segment(
-        self, photo: Photo, maps: tuple[FeatureMap, ...], coarse: CoarseChange
-    ) -> Segments:
-        everything = self.settings.segment.prompting == "everything"
-        where = None if everything else coarse.changed
-        return self.models.segmenter.segment(photo.pixels, maps, where=where)
-
-    def _refine(
-        self,
-        pair: Pair,
-        coarse: tuple[CoarseChange, CoarseChange],
-        segments: tuple[Segments, Segments],
-    ) -> tuple[Mask, Mask]:
-        refine = self.settings.refine
-        flagged_t0 = vote(segments[0], coarse[0], alpha=refine.alpha)
-        flagged_t1 = vote(segments[1], coarse[1], alpha=refine.alpha)
-        rule = Verification(refine.verify, refine.beta)
-        kept_t0 = confirm(flagged_t0, segments, pair.to_t1, rule)
-        kept_t1 = confirm(flagged_t1, segments[::-1], pair.to_t0, rule)
-        removed_t0 = unite(kept_t0, pair.size_t0_hw)
-        added_t1 = unite(kept_t1, pair.size_t1_hw)
-        if refine.kinds == "novelty":
-            removed_t0, added_t1 = settle_kinds(
-                removed_t0,
-                added_t1,
-                novelty_t0=coarse[0].distance - pair.map_to_t0(coarse[1].distance),
-                novelty_t1=coarse[1].distance - pair.map_to_t1(coarse[0].distance),
-                carriers=(pair.to_t0, pair.to_t1),
-            )
+        self, pair: Pair, where: tuple[Mask | None, Mask | None]
+    ) -> tuple[Segments, Segments]:
+        segmenter = self.models.segmenter
+        view_t0, view_t1 = pair.view_t0, pair.view_t1
         return (
-            _things(removed_t0, coarse[0], refine),
-            _things(added_t1, coarse[1], refine),
+            segmenter.segment(view_t0.photo.pixels, view_t0.maps, where=where[0]),
+            segmenter.segment(view_t1.photo.pixels, view_t1.maps, where=where[1]),
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Pair:
-    """Two photos with their features, and the way between their frames."""
-
-    photo_t0: Photo
-    photo_t1: Photo
-    maps_t0: tuple[FeatureMap, ...]
-    maps_t1: tuple[FeatureMap, ...]
-    t1_from_t0: Homography
-
-    @property
-    def t0_from_t1(self) -> Homography:
-        """The way back."""
-        return invert(self.t1_from_t0)
-
-    @property
-    def size_t0_hw(self) -> tuple[int, int]:
-        """Height and width of the photo before."""
-        return self.photo_t0.size_hw
-
-    @property
-    def size_t1_hw(self) -> tuple[int, int]:
-        """Height and width of the photo after."""
-        return self.photo_t1.size_hw
-
-    def to_t0(self, mask_t1: Mask) -> Mask:
-        """Carry a mask to the photo before."""
-        return warp_mask(mask_t1, self.t0_from_t1, size_b_hw=self.size_t0_hw)
-
-    def to_t1(self, mask_t0: Mask) -> Mask:
-        """Carry a mask to the photo after."""
-        return warp_mask(mask_t0, self.t1_from_t0, size_b_hw=self.size_t1_hw)
-
-    def map_to_t0(self, map_t1: Map) -> Map:
-        """Carry one number a pixel to the photo before."""
-        return warp_map(map_t1, self.t0_from_t1, size_b_hw=self.size_t0_hw)
-
-    def map_to_t1(self, map_t0: Map) -> Map:
-        """Carry one number a pixel to the photo after."""
-        return warp_map(map_t0, self.t1_from_t0, size_b_hw=self.size_t1_hw)
-
-
-class Clock:
-    """Adds up the wall time of named stages."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Count what happens inside the block towards a stage."""
-        start = time.perf_counter()
-        yield
-        self.seconds[name] = round(time.perf_counter() - start, 4)
+def _refine(
+    pair: Pair,
+    coarse: tuple[CoarseChange, CoarseChange],
+    segments: tuple[Segments, Segments],
+    refine: RefineSettings,
+) -> tuple[Mask, Mask]:
+    """Let outlines vote, look a second time, and settle the kinds; removed (t0), added (t1)."""
+    flagged_t0 = vote(segments[0], coarse[0], alpha=refine.alpha)
+    flagged_t1 = vote(segments[1], coarse[1], alpha=refine.alpha)
+    rule = Verification(refine.verify, refine.beta)
+    kept_t0 = confirm(flagged_t0, segments, pair.to_t1, rule)
+    kept_t1 = confirm(flagged_t1, segments[::-1], pair.to_t0, rule)
+    removed_t0 = unite(kept_t0, pair.view_t0.size_hw)
+    added_t1 = unite(kept_t1, pair.view_t1.size_hw)
+    if refine.kinds == "novelty":
+        removed_t0, added_t1 = settle_kinds(
+            removed_t0,
+            added_t1,
+            novelty_t0=coarse[0].distance - pair.map_to_t0(coarse[1].distance),
+            novelty_t1=coarse[1].distance - pair.map_to_t1(coarse[0].distance),
+            carriers=(pair.to_t0, pair.to_t1),
+        )
+    return _things(removed_t0, coarse[0], refine), _things(added_t1, coarse[1], refine)
 
 
 def _things(mask: Mask, coarse: CoarseChange, refine: RefineSettings) -> Mask:

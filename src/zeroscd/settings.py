@@ -152,6 +152,29 @@ PAPER_RULES: dict[str, object] = {
 }
 
 
+# What only weighs evidence that is there already; all other leaves need the photos again.
+THRESHOLDS: frozenset[str] = frozenset(
+    {"frame", "tau", "threshold", "background_quantile", "tau_share"}
+    | {leaf.name for leaf in dataclasses.fields(RefineSettings)}
+)
+
+
+def require_same_evidence(wanted: Settings, gathered: Settings) -> None:
+    """Check that two settings differ in thresholds at most.
+
+    Raises:
+        SettingsError: They differ in something that decides what is seen.
+    """
+    here, there = _leaf_values(wanted), _leaf_values(gathered)
+    differing = [name for name in here if here[name] != there[name] and name not in THRESHOLDS]
+    if differing:
+        message = (
+            f"setting {differing[0]} changes the evidence, not its weight; "
+            "compare the photos again with a detector of these settings"
+        )
+        raise SettingsError(message)
+
+
 def preset(name: str) -> Settings:
     """Return the settings of a preset.
 
@@ -189,6 +212,13 @@ def _walk(kind: type) -> dict[str, tuple[str | None, Any]]:
 
 
 _LEAVES = _walk(Settings)
+
+
+def _leaf_values(settings: Settings) -> dict[str, object]:
+    return {
+        name: getattr(settings if branch is None else getattr(settings, branch), name)
+        for name, (branch, _) in _LEAVES.items()
+    }
 
 
 def _literally(encoder: str, *, side_px: int) -> Settings:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zeroscd.change.coarse import find_coarse_change
+from zeroscd.change.coarse import find_coarse_change, measure_distances
 from zeroscd.images.grid import PatchGrid
 from zeroscd.records import CoarseChange, FeatureMap
 from zeroscd.settings import ChangeSettings
@@ -42,14 +42,14 @@ def compare(
     unseen: Any = None,
     tau: float = 0.65,
 ) -> CoarseChange:
-    return find_coarse_change(
+    distances = measure_distances(
         here,
         there,
         lambda points: points + shift_px,
         rule,
-        tau=tau,
         unseen=np.zeros(PHOTO_HW, dtype=bool) if unseen is None else unseen,
     )
+    return find_coarse_change(distances, rule, tau=tau)
 
 
 def one_patch_differs(cosine: float) -> tuple[tuple[FeatureMap], tuple[FeatureMap]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +12,9 @@ from zeroscd.change.fusion import fixed_fusion, pair_fusion, search_radii, to_ph
 from zeroscd.records import CoarseChange
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from zeroscd.arrays import Mask, PointsXy
+    from zeroscd.arrays import Map, Mask, PointsXy
     from zeroscd.change.distance import PatchDistance
     from zeroscd.change.fusion import Fusion
     from zeroscd.images.grid import PatchGrid
@@ -21,28 +22,46 @@ if TYPE_CHECKING:
     from zeroscd.settings import ChangeSettings
 
 
-def find_coarse_change(  # noqa: PLR0913 - what step 4 needs, each by its name
+@dataclass(frozen=True, slots=True)
+class DepthDistances:
+    """How different the other photo is at every patch of this one, at every depth.
+
+    Attributes:
+        levels: One a depth of the encoder, from coarse to fine.
+        grids: Where the patches of each depth lie, in pixels of this photo.
+        unseen: (H, W) pixels of this photo that the other does not show.
+    """
+
+    levels: tuple[PatchDistance, ...]
+    grids: tuple[PatchGrid, ...]
+    unseen: Mask
+
+    @property
+    def anything_known(self) -> bool:
+        """Whether the photos share a place at all."""
+        return not self.unseen.all() and all(level.known.any() for level in self.levels)
+
+
+def measure_distances(
     maps_here: tuple[FeatureMap, ...],
     maps_there: tuple[FeatureMap, ...],
     carry: Callable[[PointsXy], PointsXy],
     settings: ChangeSettings,
     *,
-    tau: float,
     unseen: Mask,
-) -> CoarseChange:
-    """Say for every pixel of a photo how different the other photo is there.
+) -> DepthDistances:
+    """Compare every patch of a photo with the place in the other that it is carried to.
 
     Args:
         maps_here: Features of the photo whose frame the answer is in, from coarse to fine.
         maps_there: Features of the other photo, of the same depths.
         carry: Brings points, in pixels, from this photo to the other.
-        settings: Sampling, search radius, threshold.
-        tau: The encoder's own threshold, where the settings give none.
-        unseen: (H, W) pixels of this photo that the other does not show; they are neither
-            changed nor unchanged.
+        settings: Sampling and search radius.
+        unseen: (H, W) pixels of this photo that the other does not show.
     """
-    grids = [m.grid for m in maps_here]
-    levels = [
+    grids = tuple(m.grid for m in maps_here)
+    radii = search_radii(grids, settings.search_radius)
+    levels = tuple(
         patch_distance(
             here,
             there,
@@ -50,16 +69,29 @@ def find_coarse_change(  # noqa: PLR0913 - what step 4 needs, each by its name
             sampling=settings.sampling,
             search_radius=radius,
         )
-        for here, there, radius in zip(
-            maps_here, maps_there, search_radii(grids, settings.search_radius), strict=True
-        )
-    ]
-    if unseen.all() or not all(level.known.any() for level in levels):
+        for here, there, radius in zip(maps_here, maps_there, radii, strict=True)
+    )
+    return DepthDistances(levels, grids, unseen)
+
+
+def find_coarse_change(
+    distances: DepthDistances, settings: ChangeSettings, *, tau: float
+) -> CoarseChange:
+    """Say for every pixel of a photo how different the other photo is there.
+
+    Args:
+        distances: Of this photo's patches.
+        settings: How the threshold is found.
+        tau: The encoder's own threshold, where the settings give none.
+
+    Returns:
+        The change in this photo's frame; what is unseen is neither changed nor unchanged.
+    """
+    unseen = distances.unseen
+    if not distances.anything_known:
         return _nothing_known(unseen.shape, tau)
-    fusion = _fuse(levels, grids, settings, tau=tau)
-    distance = np.zeros(unseen.shape, dtype=np.float32)
-    for weight, level, grid in zip(fusion.weights, levels, grids, strict=True):
-        distance += weight * to_photo(level.distance, grid, size_hw=unseen.shape)
+    fusion = _fuse(distances, settings, tau=tau)
+    distance = _on_pixels(distances, fusion)
     distance[unseen] = 0.0
     return CoarseChange(
         distance=distance,
@@ -69,23 +101,28 @@ def find_coarse_change(  # noqa: PLR0913 - what step 4 needs, each by its name
     )
 
 
-def _fuse(
-    levels: Sequence[PatchDistance],
-    grids: Sequence[PatchGrid],
-    settings: ChangeSettings,
-    *,
-    tau: float,
-) -> Fusion:
+def _fuse(distances: DepthDistances, settings: ChangeSettings, *, tau: float) -> Fusion:
     """Weigh the depths; the user's tau comes before the fitted one and the encoder's."""
-    fusion = fixed_fusion(grids, tau)
+    fusion = fixed_fusion(distances.grids, tau)
     if settings.threshold == "pair":
         fusion = pair_fusion(
-            levels,
-            grids,
+            distances.levels,
+            distances.grids,
             background_quantile=settings.background_quantile,
             share=settings.tau_share,
         )
     return fusion if settings.tau is None else fusion._replace(tau=settings.tau)
+
+
+def _on_pixels(distances: DepthDistances, fusion: Fusion) -> Map:
+    """Add the weighted depths up: first those of one grid, then, interpolated, the grids."""
+    of_grid = {grid: np.zeros(grid.size_hw, dtype=np.float32) for grid in distances.grids}
+    for weight, level, grid in zip(fusion.weights, distances.levels, distances.grids, strict=True):
+        of_grid[grid] += weight * level.distance
+    distance = np.zeros(distances.unseen.shape, dtype=np.float32)
+    for grid, summed in of_grid.items():
+        distance += to_photo(summed, grid, size_hw=distances.unseen.shape)
+    return distance
 
 
 def _nothing_known(size_hw: tuple[int, ...], tau: float) -> CoarseChange:
