@@ -169,7 +169,7 @@ def to_json(plan: Plan, measurements: Sequence[Measurement]) -> dict[str, Any]:
 
 def machine() -> dict[str, Any]:
     """Return what may explain a speed: processor, cores, memory, system, versions."""
-    from zeroscd.evaluation.scores import versions  # noqa: PLC0415 - as above
+    from zeroscd.fingerprint import versions  # noqa: PLC0415 - as above
 
     return {
         "cpu": _cpu(),

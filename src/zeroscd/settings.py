@@ -159,17 +159,23 @@ THRESHOLDS: frozenset[str] = frozenset(
 )
 
 
+def evidence_settings(settings: Settings) -> Settings:
+    """Return a copy with all thresholds at their defaults; equal copies need equal evidence."""
+    plain = _leaf_values(Settings())
+    return settings.override({name: plain[name] for name in sorted(THRESHOLDS)})
+
+
 def require_same_evidence(wanted: Settings, gathered: Settings) -> None:
     """Check that two settings differ in thresholds at most.
 
     Raises:
         SettingsError: They differ in something that decides what is seen.
     """
-    here, there = _leaf_values(wanted), _leaf_values(gathered)
-    differing = [name for name in here if here[name] != there[name] and name not in THRESHOLDS]
-    if differing:
+    here, there = (_leaf_values(evidence_settings(one)) for one in (wanted, gathered))
+    differing = next((name for name in here if here[name] != there[name]), None)
+    if differing is not None:
         message = (
-            f"setting {differing[0]} changes the evidence, not its weight; "
+            f"setting {differing} changes the evidence, not its weight; "
             "compare the photos again with a detector of these settings"
         )
         raise SettingsError(message)

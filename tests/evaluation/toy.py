@@ -19,7 +19,7 @@ from zeroscd.result import Alignment, ChangeResult, Photo
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from zeroscd.arrays import Rgb
     from zeroscd.result import Frame
@@ -58,6 +58,17 @@ class ToyDetector:
             preset=self.preset,
             seconds={"features": 0.0},
         )
+
+    # The same in three steps, for which a view is a photo and the evidence is two of them.
+
+    def look(self, photos: Sequence[Rgb]) -> Sequence[Rgb]:
+        return photos
+
+    def compare(self, before: Rgb, after: Rgb) -> tuple[Rgb, Rgb]:
+        return before, after
+
+    def decide(self, evidence: tuple[Rgb, Rgb], settings: Settings) -> ChangeResult:
+        return replace(self, settings=settings).detect(*evidence)
 
 
 def main(root: str, out: str, log: str, delay_s: str) -> None:

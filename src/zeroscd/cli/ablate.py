@@ -12,7 +12,7 @@ from zeroscd.cli.evaluate import Count, DatasetName, DatasetRoot, Figures, Limit
 from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
 
 if TYPE_CHECKING:
-    from zeroscd.evaluation.run import Detects
+    from zeroscd.detector import Detector
     from zeroscd.models import Models
     from zeroscd.settings import Settings
 
@@ -82,7 +82,7 @@ class _Workshop:
 
         return load_models(settings, device=self.device)
 
-    def build(self, settings: Settings, models: Models) -> Detects:
+    def build(self, settings: Settings, models: Models) -> Detector:
         from zeroscd.detector import Detector
 
         return Detector(settings, models, preset=self.preset)

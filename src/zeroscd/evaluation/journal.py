@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import json
 import os
 import threading
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import DatasetError, OutputError
 from zeroscd.evaluation.scoring import PairScore
-from zeroscd.models import ENCODERS, SEGMENTERS
-from zeroscd.weights.catalogue import find
-from zeroscd.weights.store import is_present, path_of
-from zeroscd.weights.verify import digest_of
+from zeroscd.fingerprint import digest, digest_code
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
+    from pathlib import Path
 
     from zeroscd.evaluation.datasets.port import Dataset, PairFiles
-    from zeroscd.settings import Settings
 
-# Folders and files of the package that only present results; all others may change a score.
-PRESENTING = ("cli", "serve", "export", "batch", "retrieval", "samples", "evaluation")
-DECIDING = frozenset({".py", ".safetensors", ".json"})
-SCORING = ("metrics.py", "scoring.py", "truth.py")
+# Of this folder, what may change a score; the rest only presents them.
+SCORING = tuple(
+    f"evaluation/{name}" for name in ("metrics.py", "scoring.py", "truth.py", "datasets")
+)
 
 
 class Journal:
@@ -91,45 +85,9 @@ def protocol(dataset: Dataset) -> dict[str, object]:
     }
 
 
-@functools.cache  # what runs is what was imported, whatever is edited meanwhile
-def digest_code() -> str:
+def digest_scoring() -> str:
     """Return the sha256 of the package's own files as far as they decide a score."""
-    package = Path(__file__).parent.parent
-    files = sorted(
-        path
-        for path in package.rglob("*")
-        if path.suffix in DECIDING and _decides(path.relative_to(package))
-    )
-    return digest([path.read_bytes() for path in files])
-
-
-def digest_weights(settings: Settings) -> list[str]:
-    """Return the sha256 of the weight files that the settings name: published, else computed."""
-    recipes = (ENCODERS.get(settings.encoder), SEGMENTERS.get(settings.segmenter))
-    rows = [find(recipe.weights) for recipe in recipes if recipe and recipe.weights]
-    return [
-        row.sha256 or (digest_of(path_of(row)) if is_present(row) else "absent") for row in rows
-    ]
-
-
-def digest_values(values: Mapping[str, object]) -> str:
-    """Return the sha256 of plain values."""
-    return digest([json.dumps(values, sort_keys=True).encode()])
-
-
-def digest(parts: Iterable[bytes]) -> str:
-    """Return the sha256 of several parts, each told apart from its neighbours."""
-    whole = hashlib.sha256()
-    for part in parts:
-        whole.update(len(part).to_bytes(8, "big"))
-        whole.update(part)
-    return whole.hexdigest()
-
-
-def _decides(path: Path) -> bool:
-    if path.parts[0] != "evaluation":
-        return path.parts[0] not in PRESENTING
-    return path.name in SCORING or "datasets" in path.parts
+    return digest_code(also=SCORING)
 
 
 def _bytes(path: Path) -> bytes:

