@@ -2,11 +2,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.refine.kinds import settle_kinds
+from zeroscd.refine.kinds import settle_kinds, smooth
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Map, Mask
@@ -135,3 +137,23 @@ def test_no_change_that_both_photos_show_is_lost_or_invented(seed: int) -> None:
     settled = settle(removed, added, novelty, -novelty)
     flagged, claimed = removed | left(added), settled[0] | left(settled[1])
     np.testing.assert_array_equal(flagged, claimed)
+
+
+@pytest.mark.parametrize("size_hw", [(270, 480), (201, 333), (160, 900)])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_wide_smoothing_is_as_good_at_a_lower_resolution(
+    seed: int, size_hw: tuple[int, int]
+) -> None:
+    coarse = np.random.default_rng(seed).normal(size=(7, 9)).astype(np.float32)
+    values = np.asarray(
+        cv2.resize(coarse, size_hw[::-1], interpolation=cv2.INTER_NEAREST), dtype=np.float32
+    )
+    exact = np.asarray(cv2.GaussianBlur(values, (0, 0), 24.0))
+    difference = np.abs(smooth(values, sigma_px=24.0) - exact)
+    assert difference[24:-24, 24:-24].max() < 0.02  # values are about 1; the rim mirrors coarser
+    assert difference.max() < 0.1
+
+
+def test_a_narrow_smoothing_is_done_on_every_pixel() -> None:
+    values = np.random.default_rng(0).normal(size=(40, 50)).astype(np.float32)
+    np.testing.assert_array_equal(smooth(values, sigma_px=3.0), cv2.GaussianBlur(values, (0, 0), 3))

@@ -65,18 +65,13 @@ class LiteEncoder:
             for p in photos
         ]
         working = [resize(p, size_hw) for p, size_hw in zip(photos, sizes, strict=True)]
-        if len(set(sizes)) == 1:
-            taps = self._forward(np.stack(working))
-        else:
-            single = [self._forward(w[None]) for w in working]
-            return [
-                self._describe([tap[0] for tap in taps], photo, size_hw)
-                for taps, photo, size_hw in zip(single, photos, sizes, strict=True)
-            ]
-        return [
-            self._describe([tap[i] for tap in taps], photo, sizes[i])
-            for i, photo in enumerate(photos)
+        together = [working] if len(set(sizes)) == 1 else [[one] for one in working]
+        taps = [
+            [tap[at] for tap in of_batch]
+            for of_batch, batch in ((self._forward(np.stack(b)), b) for b in together)
+            for at in range(len(batch))
         ]
+        return [self._describe(*one) for one in zip(taps, photos, sizes, strict=True)]
 
     def _forward(self, photos: NDArray[np.uint8]) -> list[torch.Tensor]:
         # (B, H, W, 3) seen as (B, 3, H, W) already lies in memory with channels last
