@@ -12,6 +12,7 @@ import torch
 from zeroscd.encoders.efficientnet import Trunk
 from zeroscd.errors import WeightsError
 from zeroscd.images.grid import PatchGrid
+from zeroscd.images.noise import calm
 from zeroscd.images.working import resize, working_size
 from zeroscd.records import FeatureMap
 from zeroscd.weights.safe import read_tensors
@@ -37,8 +38,9 @@ FLAT_LENGTH = 1e-3  # of a standardised descriptor; typical ones are as long as 
 class LiteEncoder:
     """Patch descriptors from several depths of one small network.
 
-    Each channel is standardised over the photo, which takes out much of what light and camera
-    do to a photo as a whole, and each descriptor then gets unit length.
+    Photos are calmed as much as their noise demands. Each channel is standardised over the photo,
+    which takes out much of what light and camera do to a photo as a whole, and each descriptor
+    then gets unit length.
 
     Attributes:
         name: "lite".
@@ -64,7 +66,7 @@ class LiteEncoder:
             working_size(p.shape[:2], side_px=self.side_px, multiple=COARSEST_STRIDE_PX)
             for p in photos
         ]
-        working = [resize(p, size_hw) for p, size_hw in zip(photos, sizes, strict=True)]
+        working = [_at_work(p, size_hw) for p, size_hw in zip(photos, sizes, strict=True)]
         together = [working] if len(set(sizes)) == 1 else [[one] for one in working]
         taps = [
             [tap[at] for tap in of_batch]
@@ -111,6 +113,12 @@ def load(settings: Settings, device: str) -> LiteEncoder:
         )
         raise WeightsError(message) from cause
     return LiteEncoder(trunk, side_px=settings.side_px, device=device)
+
+
+def _at_work(photo: Rgb, working_hw: tuple[int, int]) -> Rgb:
+    """Resize and calm a photo, at whichever size has fewer pixels: growing hides the noise."""
+    height, width = (min(sides) for sides in zip(photo.shape[:2], working_hw, strict=True))
+    return resize(calm(resize(photo, (height, width))), working_hw)
 
 
 def _unit_length(tap: torch.Tensor) -> NDArray[np.float32]:
