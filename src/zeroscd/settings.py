@@ -280,7 +280,7 @@ PRESETS: dict[str, Settings] = {
     "lite": Settings(
         change=ChangeSettings(threshold="pair", tau_share=0.5, search_radius=2),
         refine=RefineSettings(
-            alpha=0.7,
+            alpha=0.75,
             verify="off",
             least_peak=0.85,
             kinds="novelty",
