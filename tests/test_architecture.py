@@ -30,6 +30,7 @@ LAYERS = (
     ("detector",),
     ("export", "retrieval"),
     ("evaluation", "batch"),
+    ("survey",),
     ("serve", "bench"),
     ("cli",),
 )
@@ -37,7 +38,10 @@ LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}
 HOMES = {
     "torch": {"encoders", "segmenters", "weights", "models", "bench"},
     "transformers": {"encoders", "segmenters", "weights"},
+    "lancedb": {"retrieval"},
     "rich": {"cli"},
+    "fastapi": {"serve"},
+    "gradio": {"serve"},
     "typer": {"cli"},
 }
 # ChangeResult.save is the one convenience that calls upwards, when it is called and not before.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -11,6 +12,8 @@ from zeroscd.weights.backend import require_installed
 from zeroscd.weights.store import require
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.segmenters.port import Segmenter
     from zeroscd.settings import Settings
@@ -81,6 +84,24 @@ def load_models(settings: Settings, *, device: str = "auto") -> Models:
     )
 
 
+def load_encoder(settings: Settings, *, device: str = "auto") -> PatchEncoder:
+    """Load the encoder alone, for work that needs no outlines.
+
+    Raises:
+        SettingsError: An unknown encoder or device, a device that is not there, or packages that
+            are missing.
+        WeightsError: Its weights are missing or damaged.
+    """
+    recipe = _recipe(ENCODERS, "encoder", settings.encoder)
+    require([recipe.weights] if recipe.weights else [])
+    if recipe.extra:
+        require_installed()
+    target = pick_device(device)
+    decided = settings.override({"precision": pick_precision(settings.precision, device=target)})
+    encoder: PatchEncoder = import_module(recipe.module).load(decided, target)
+    return encoder
+
+
 def pick_device(name: str) -> str:
     """Turn "auto", "cpu" or "cuda" into the device that torch shall use.
 
@@ -116,6 +137,35 @@ def pick_precision(name: str, *, device: str) -> str:
     import torch  # noqa: PLC0415 - loaded already when the device is not the processor
 
     return "bf16" if torch.cuda.is_bf16_supported() else "fp32"
+
+
+def thread_count() -> int:
+    """Return how many threads torch gives to one step of a network: the cores, if not told else."""
+    import torch  # noqa: PLC0415 - as above
+
+    return torch.get_num_threads()
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """Let each step of the networks, of OpenCV and of NumPy's algebra use this many threads inside.
+
+    All three, as the last bit of a product depends on how many threads shared it, and one bit can
+    decide between two matches that are equally good.
+    """
+    import cv2  # noqa: PLC0415 - names of models are looked up without it
+    import torch  # noqa: PLC0415 - as above
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - as above
+
+    before = torch.get_num_threads(), cv2.getNumThreads()
+    torch.set_num_threads(count)
+    cv2.setNumThreads(count)
+    try:
+        with threadpool_limits(count, user_api="blas"):
+            yield
+    finally:
+        torch.set_num_threads(before[0])
+        cv2.setNumThreads(before[1])
 
 
 def _recipe(table: dict[str, Recipe], kind: str, name: str) -> Recipe:

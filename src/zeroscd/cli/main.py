@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from zeroscd import __version__
-from zeroscd.cli import models
+from zeroscd.cli import index, models
 from zeroscd.cli.ablate import ablate
+from zeroscd.cli.batch import batch
 from zeroscd.cli.bench import bench
 from zeroscd.cli.console import fail
 from zeroscd.cli.demo import demo
 from zeroscd.cli.detect import detect
 from zeroscd.cli.evaluate import evaluate
+from zeroscd.cli.serve import serve
+from zeroscd.cli.survey import survey
 from zeroscd.errors import ZeroscdError
 
 if TYPE_CHECKING:
@@ -34,9 +37,13 @@ app = typer.Typer(
 )
 app.command()(demo)
 app.command()(detect)
+app.command()(batch)
+app.command()(survey)
 app.command()(evaluate)
 app.command()(ablate)
 app.command()(bench)
+app.command()(serve)
+app.add_typer(index.app, name="index")
 app.add_typer(models.app, name="models")
 
 

@@ -19,6 +19,14 @@ OutFolder = Annotated[
     Path, typer.Option("--out", "-o", metavar="OUT", help="Folder for the results.")
 ]
 
+Places = Annotated[
+    str, typer.Option("--places", metavar="PLACES", help="Folder or address of the place index.")
+]
+Within = Annotated[
+    float | None,
+    typer.Option(min=0.1, metavar="METRES", help="Only photos taken within this distance."),
+]
+
 
 def parse_overrides(pairs: list[str] | None) -> dict[str, str]:
     """Split every KEY=VALUE of the command line.

@@ -14,9 +14,18 @@ if TYPE_CHECKING:
 
 
 class Bar:
-    """Counts pairs; only pairs computed now tell how long the rest will take."""
+    """Counts pairs; only pairs computed now tell how long the rest will take.
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    Nothing is drawn until the number of pairs is known: what fails before that fails in one line.
+
+    Args:
+        doing: What it says until the first pair is named.
+        clock: Seconds.
+    """
+
+    def __init__(
+        self, doing: str = "evaluating", *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._clock = clock
         self._progress = Progress(
             TextColumn("{task.description}"),
@@ -25,12 +34,13 @@ class Bar:
             TextColumn("{task.fields[left]}"),
             console=Console(stderr=True),
         )
-        self._task = self._progress.add_task("evaluating", total=None, left="")
+        self._task = self._progress.add_task(doing, total=None, left="")
+        self._inside = False
         self._began = clock()
         self._total = self._done = self._computed = 0
 
     def __enter__(self) -> Self:
-        self._progress.start()
+        self._inside = True
         return self
 
     def __exit__(
@@ -39,13 +49,16 @@ class Bar:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._progress.stop()
+        if self._progress.live.is_started:
+            self._progress.stop()
 
     def begin(self, total: int) -> None:
         """Expect this many pairs."""
         self._total, self._began = total, self._clock()
         self._done = self._computed = 0
         self._progress.update(self._task, total=total, completed=0)
+        if self._inside:
+            self._progress.start()
 
     def advance(self, stem: str, *, reused: bool) -> None:
         """Count one pair."""

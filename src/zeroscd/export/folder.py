@@ -26,23 +26,10 @@ def save_result(result: ChangeResult, folder: str | Path) -> None:
     Raises:
         OutputError: The folder cannot be written; nothing of this result is then in it.
     """
-    from zeroscd.export.changes import changes_json  # noqa: PLC0415 - these import OpenCV, and
-    from zeroscd.export.overlay import draw_overlay  # noqa: PLC0415 - `check_target` must be
-    from zeroscd.export.pictures import png  # noqa: PLC0415 - quick to say no
-    from zeroscd.export.report import render_report  # noqa: PLC0415
+    # Imports OpenCV, and `check_target` must be quick to say no.
+    from zeroscd.export.files import render  # noqa: PLC0415
 
-    write_together(
-        Path(folder),
-        {
-            "mask.png": png(result.mask),
-            "removed.png": png(result.removed),
-            "added.png": png(result.added),
-            "unknown.png": png(result.unknown),
-            "overlay.png": png(draw_overlay(result)),
-            REPORT: render_report(result).encode("utf-8", "replace"),
-            "changes.json": changes_json(result),
-        },
-    )
+    write_together(Path(folder), render(result))
 
 
 def check_target(folder: Path) -> None:

@@ -26,9 +26,14 @@ def png(pixels: Rgb | Mask | NDArray[np.uint8]) -> bytes:
     return _encoded(pixels, "PNG")
 
 
+def jpeg(pixels: Rgb, *, quality: int) -> bytes:
+    """Write a photo as JPEG."""
+    return _encoded(pixels, "JPEG", quality=quality)
+
+
 def jpeg_uri(pixels: Rgb, *, quality: int) -> str:
     """Write a photo as a JPEG inside an address, for a page that must stand alone."""
-    return _uri(_encoded(pixels, "JPEG", quality=quality), "image/jpeg")
+    return _uri(jpeg(pixels, quality=quality), "image/jpeg")
 
 
 def png_uri(pixels: Rgb | Mask | NDArray[np.uint8]) -> str:

@@ -44,13 +44,16 @@ class PhotoLimits:
 DEFAULT_LIMITS = PhotoLimits()
 
 
-def read_photo(source: PhotoSource, *, limits: PhotoLimits = DEFAULT_LIMITS) -> Photo:
+def read_photo(
+    source: PhotoSource, *, limits: PhotoLimits = DEFAULT_LIMITS, name: str | None = None
+) -> Photo:
     """Read a photo as a person would see it: upright, in colour, transparency on white.
 
     Args:
         source: A path; a file's bytes; a Pillow picture, as it stands; or an array of shape
             (H, W), (H, W, 3) or (H, W, 4), uint8 or uint16. Of an animation the first frame counts.
         limits: Sizes beyond which the photo is refused.
+        name: Where bytes came from, which the photo then keeps as its path.
 
     Raises:
         ImageError: The source is missing, unreadable, damaged, cut short, too large or too small.
@@ -60,11 +63,10 @@ def read_photo(source: PhotoSource, *, limits: PhotoLimits = DEFAULT_LIMITS) -> 
         array([255, 255, 255], dtype=uint8)
     """
     if isinstance(source, str | Path):
-        name = _one_line(str(source))
-        data = _read_file(Path(source), name, limits)
-        return Photo(pixels=_decode(data, name, limits), path=str(source))
+        return read_photo(read_file(source, limits=limits), limits=limits, name=str(source))
     if isinstance(source, bytes):
-        return Photo(pixels=_decode(source, "the photo given as bytes", limits))
+        called = "the photo given as bytes" if name is None else one_line(name)
+        return Photo(pixels=_decode(source, called, limits), path=name)
     if isinstance(source, Image.Image):
         with guarded("the picture given"):
             return Photo(pixels=_pixels(source, "the picture given", limits))
@@ -76,12 +78,18 @@ def read_photo(source: PhotoSource, *, limits: PhotoLimits = DEFAULT_LIMITS) -> 
     raise ImageError(message)
 
 
-def _one_line(path: str) -> str:
+def one_line(path: str) -> str:
     """Name a path so that no line break, control or invisible character of it gets through."""
     return path if path and path.isprintable() else repr(path)
 
 
-def _read_file(path: Path, name: str, limits: PhotoLimits) -> bytes:
+def read_file(path: str | Path, *, limits: PhotoLimits = DEFAULT_LIMITS) -> bytes:
+    """Read a photo's file without looking inside; one byte more than allowed of a larger one.
+
+    Raises:
+        ImageError: It is missing, unreadable, a folder, a pipe or a device.
+    """
+    path, name = Path(path), one_line(str(path))
     try:
         mode = path.stat().st_mode
         if stat.S_ISREG(mode):

@@ -1,0 +1,351 @@
+"""A server under load, killed, and fed with hostile uploads.
+
+    python benchmarks/serve.py [NAME] [--only together|load|kill|hostile] [--seconds 120]
+
+Starts `zeroscd serve` itself, on a free port of this machine. Writes
+benchmarks/results/serve/NAME.json; benchmarks/README.md describes the file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import platform
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import httpx
+from hostile import QUICKLY, SEED, SLOW, uploads
+
+from zeroscd.evaluation.scores import write_json
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Coroutine, Iterator
+
+RESULTS = Path(__file__).parent / "results" / "serve"
+SAMPLES = files("zeroscd") / "samples"
+BEFORE, AFTER = (SAMPLES.joinpath(f"{when}.jpg").read_bytes() for when in ("before", "after"))
+WARM_UP = 10  # requests before memory is looked at
+CALM_SECONDS = 75  # after the load: the server gives memory back once a minute
+ROUNDS = 4  # of killing
+FORWARD_RUNS = 3
+MEGABYTE = 1e6
+
+
+class Server:
+    """A `zeroscd serve` of our own."""
+
+    def __init__(self, state: Path) -> None:
+        self.state = state
+        self.scratch = state.parent / "tmp"
+        self.scratch.mkdir(exist_ok=True)
+        entry = "from zeroscd.cli.main import main; main()"
+        command = [sys.executable, "-c", entry, "serve", "--port", "0", "--state", str(state)]
+        environment = {**os.environ, "TMPDIR": str(self.scratch)}
+        self.process = subprocess.Popen(  # noqa: S603 - our own command
+            command, stdout=subprocess.PIPE, text=True, env=environment
+        )
+        assert self.process.stdout is not None  # noqa: S101 - it is a pipe
+        line = self.process.stdout.readline()
+        found = re.search(r"http://\S+", line)
+        if found is None:
+            sys.exit(f"the server did not start: {line}")
+        self.url = found[0]
+        self.most_bytes = 0
+        self._watching = threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def memory(self) -> int:
+        """Resident bytes now."""
+        text = Path(f"/proc/{self.process.pid}/status").read_text()
+        return 1024 * int(re.findall(r"VmRSS:\s+(\d+)", text)[0])
+
+    def left_over(self) -> list[str]:
+        """Temporary files that have a name."""
+        folders = (self.state / "spool", self.scratch)
+        return [str(path) for folder in folders for path in folder.rglob("*") if path.is_file()]
+
+    def kill(self) -> None:
+        """End it as a power cut would."""
+        self._watching.set()
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+    def stop(self) -> None:
+        """End it politely."""
+        self._watching.set()
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(60)
+
+    def _watch(self) -> None:
+        while not self._watching.wait(0.05):
+            try:
+                self.most_bytes = max(self.most_bytes, self.memory())
+            except OSError:
+                return
+
+
+@contextmanager
+def running() -> Iterator[Server]:
+    """Run a server with an empty folder, and stop it."""
+    with tempfile.TemporaryDirectory() as folder:
+        server = Server(Path(folder) / "state")
+        try:
+            yield server
+        finally:
+            server.stop()
+
+
+def pair_files() -> dict[str, tuple[str, bytes]]:
+    """The demo pair as a form."""
+    return {"before": ("b.jpg", BEFORE), "after": ("a.jpg", AFTER)}
+
+
+async def load(clients: int, seconds: float) -> dict[str, Any]:
+    """Many clients that come back as they are told; times of answers and memory."""
+    with running() as server:
+        async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
+            for _ in range(WARM_UP):
+                await client.post("/v1/detect", files=pair_files())
+            start_bytes, server.most_bytes = server.memory(), 0
+            statuses: Counter[str] = Counter()
+            times: list[float] = []
+            end = time.monotonic() + seconds
+            await asyncio.gather(
+                *(_visitor(client, n, end, statuses, times) for n in range(clients))
+            )
+        spent = time.monotonic() - end + seconds  # the last answers come after the end
+        await asyncio.sleep(CALM_SECONDS)
+        times.sort()
+        return {
+            "clients": clients,
+            "seconds": seconds,
+            "photos_wh": [768, 640],
+            "statuses": dict(sorted(statuses.items())),
+            "pairs_per_second": round(statuses["200"] / spent, 3),
+            "p50_seconds": round(median(times), 2),
+            "p95_seconds": round(times[int(0.95 * len(times))], 2),
+            "memory_bytes": {
+                "before": start_bytes,
+                "most": server.most_bytes,
+                "after": server.memory(),
+            },
+            "left_over_files": len(server.left_over()),
+        }
+
+
+async def _visitor(
+    client: httpx.AsyncClient, number: int, end: float, statuses: Counter[str], times: list[float]
+) -> None:
+    rng = random.Random(number)  # noqa: S311 - for pauses
+    await asyncio.sleep(rng.random())
+    while time.monotonic() < end:
+        start = time.monotonic()
+        try:
+            answer = await client.post("/v1/detect", files=pair_files())
+        except httpx.HTTPError as error:
+            statuses[type(error).__name__] += 1
+            continue
+        statuses[str(answer.status_code)] += 1
+        if answer.status_code == httpx.codes.OK:
+            times.append(time.monotonic() - start)
+        else:
+            pause = float(answer.headers.get("Retry-After", 1))
+            await asyncio.sleep(
+                min(pause * rng.uniform(0.5, 1.5), max(0.0, end - time.monotonic()))
+            )
+
+
+async def kill() -> dict[str, Any]:
+    """Kill under load and start again; what was acknowledged must be there."""
+    acknowledged: list[str] = []
+    stale: list[str] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(ROUNDS):
+            server = Server(Path(folder) / "state")
+            stale += server.left_over()
+            async with httpx.AsyncClient(base_url=server.url, timeout=60) as client:
+                sending = [asyncio.create_task(_send(client, acknowledged)) for _ in range(4)]
+                await asyncio.sleep(1.5 + 1.3 * number)
+                server.kill()
+                await asyncio.gather(*sending)
+        server = Server(Path(folder) / "state")
+        stale += server.left_over()
+        async with httpx.AsyncClient(base_url=server.url, timeout=60) as client:
+            states = [await _finished(client, job) for job in acknowledged]
+        server.stop()
+    return {
+        "kills": ROUNDS,
+        "jobs_acknowledged": len(acknowledged),
+        "jobs_lost": sum(state is None for state in states),
+        "pairs": dict(Counter(status for state in states if state for status in state)),
+        "stale_files_after_start": len(stale),
+    }
+
+
+async def _send(client: httpx.AsyncClient, acknowledged: list[str]) -> None:
+    """Send jobs and single pairs in turn until the server is gone."""
+    photos = [
+        (name, (f"{name}.jpg", data))
+        for _ in range(2)
+        for name, data in (("before", BEFORE), ("after", AFTER))
+    ]
+    try:
+        while True:
+            answer = await client.post("/v1/jobs", files=photos)
+            if answer.status_code == httpx.codes.ACCEPTED:
+                acknowledged.append(answer.json()["id"])
+            await client.post("/v1/detect", files=pair_files())
+    except httpx.TransportError:
+        return
+
+
+async def _finished(client: httpx.AsyncClient, job: str) -> list[str] | None:
+    while True:
+        answer = await client.get(f"/v1/jobs/{job}")
+        if answer.status_code != httpx.codes.OK:
+            return None
+        if answer.json()["status"] == "done":
+            return [pair["status"] for pair in answer.json()["pairs"]]
+        await asyncio.sleep(0.5)
+
+
+async def together() -> dict[str, Any]:
+    """Processor seconds a pair takes when several pairs share a forward pass of the encoder."""
+    from zeroscd.detector import Detector  # noqa: PLC0415 - the other scenarios need no networks
+    from zeroscd.images.read import read_photo  # noqa: PLC0415
+
+    detector = Detector.from_preset("lite")
+    photos = [read_photo(data).pixels for data in (BEFORE, AFTER)]
+    detector.detect(*photos)
+
+    def encode_seconds(pairs: int) -> float:
+        found = []
+        for _ in range(FORWARD_RUNS):
+            start = time.process_time()  # of all threads: it compares even on a busy machine
+            detector.models.encoder.encode(photos * pairs)
+            found.append((time.process_time() - start) / pairs)
+        return round(median(found), 3)
+
+    return {
+        "encode_processor_seconds_per_pair": {
+            str(pairs): encode_seconds(pairs) for pairs in (1, 2, 4, 8)
+        },
+        "whole_pair_seconds": detector.detect(*photos).seconds,
+    }
+
+
+async def hostile(count: int) -> dict[str, Any]:
+    """Send what nobody should; who answered how, how long it took, and what memory did."""
+    with running() as server:
+        async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
+            await client.post("/v1/detect", files=pair_files())
+            start_bytes, server.most_bytes = server.memory(), 0
+            gate = asyncio.Semaphore(8)
+            found = await asyncio.gather(
+                *(_attack(client, server.url, gate, *upload) for upload in uploads(count, AFTER))
+            )
+            alive = (await client.post("/v1/detect", files=pair_files())).status_code
+        by_kind: dict[str, Counter[str]] = {}
+        for kind, status, _ in found:
+            by_kind.setdefault(kind, Counter())[status] += 1
+        return {
+            "uploads": len(found),
+            "seed": SEED,
+            "statuses": {kind: dict(counts) for kind, counts in sorted(by_kind.items())},
+            "not_4xx": sum(not status.startswith("4") for _, status, _ in found),
+            "slowest_seconds": {
+                "slow_senders": round(max(s for k, _, s in found if k in SLOW), 2),
+                "others": round(max(s for k, _, s in found if k not in SLOW), 2),
+            },
+            "memory_bytes": {
+                "before": start_bytes,
+                "most": server.most_bytes,
+                "after": server.memory(),
+            },
+            "left_over_files": len(server.left_over()),
+            "alive_afterwards": alive == httpx.codes.OK,
+        }
+
+
+async def _attack(
+    client: httpx.AsyncClient,
+    url: str,
+    gate: asyncio.Semaphore,
+    kind: str,
+    form: Any,  # noqa: ANN401 - whatever httpx takes as files; bytes of slow senders
+) -> tuple[str, str, float]:
+    if kind in SLOW:
+        start = time.monotonic()
+        return kind, await _trickle(url, form), time.monotonic() - start
+    async with gate:
+        start = time.monotonic()
+        try:
+            answer = await client.post("/v1/detect", files=form)
+        except httpx.HTTPError as error:
+            return kind, type(error).__name__, time.monotonic() - start
+        return kind, str(answer.status_code), time.monotonic() - start
+
+
+async def _trickle(url: str, request: bytes) -> str:
+    """Send a request a letter at a time and return the status of the answer."""
+    host, port = url.removeprefix("http://").split(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    answer = asyncio.create_task(reader.readline())
+    head, _, rest = request.rpartition(QUICKLY)
+    writer.write(head)
+    for letter in rest:
+        if answer.done():
+            break
+        writer.write(bytes([letter]))
+        await asyncio.sleep(0.2)
+    status = (await answer).split()
+    writer.close()
+    return status[1].decode() if len(status) > 1 else "closed"
+
+
+NO_LIMITS = httpx.Limits(max_connections=None)
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("name", nargs="?", default=f"cpu-{os.cpu_count()}-cores")
+    parser.add_argument("--only", choices=["together", "load", "kill", "hostile"])
+    parser.add_argument("--seconds", type=float, default=120)
+    parser.add_argument("--clients", type=int, default=64)
+    parser.add_argument("--count", type=int, default=200)
+    arguments = parser.parse_args()
+    scenarios: dict[str, Callable[[], Coroutine[None, None, dict[str, Any]]]] = {
+        "together": together,
+        "load": lambda: load(arguments.clients, arguments.seconds),
+        "kill": kill,
+        "hostile": lambda: hostile(arguments.count),
+    }
+    path = RESULTS / f"{arguments.name}.json"
+    found = json.loads(path.read_text()) if path.exists() else {}
+    found |= {"schema": 1, "name": arguments.name, "system": platform.platform(terse=True)}
+    found["load_average"] = round(os.getloadavg()[0], 1)
+    for name, scenario in scenarios.items():
+        if arguments.only in (None, name):
+            found[name] = asyncio.run(scenario())
+            print(name, json.dumps(found[name], indent=1))
+    write_json(found, path)
+
+
+if __name__ == "__main__":
+    main()

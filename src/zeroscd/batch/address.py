@@ -1,0 +1,104 @@
+"""Photos by address: a local path, or anything that fsspec opens, with a bounded wait."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from pathlib import Path
+from threading import BoundedSemaphore, Thread
+from typing import TYPE_CHECKING, NoReturn
+
+from zeroscd.errors import ImageError
+from zeroscd.images.read import DEFAULT_LIMITS, one_line, read_file
+
+if TYPE_CHECKING:
+    from zeroscd.images.read import PhotoLimits
+
+# Requests in flight, answered or hanging. A thread that hangs cannot be ended, only not repeated.
+MOST_REQUESTS = 64
+LONGEST_REASON = 200  # characters of another library's message
+
+
+def is_remote(address: str) -> bool:
+    """Say whether fsspec has to open it.
+
+    Example:
+        >>> is_remote("s3://bucket/a.jpg"), is_remote("photos/a.jpg")
+        (True, False)
+    """
+    return "://" in address
+
+
+def resolve(address: str, *, base: str) -> str:
+    """Return an address that does not depend on where the manifest lies.
+
+    Example:
+        >>> resolve("new/a.jpg", base="s3://bucket/2024")
+        's3://bucket/2024/new/a.jpg'
+    """
+    if is_remote(address):
+        return address
+    if is_remote(base):
+        return f"{base.rstrip('/')}/{address}"
+    return str(Path(base) / address)
+
+
+class Fetcher:
+    """Reads files, waiting for each no longer than allowed.
+
+    Args:
+        timeout_s: Longest wait for a remote file; local ones answer at once.
+        limits: Largest file.
+    """
+
+    def __init__(self, timeout_s: float, *, limits: PhotoLimits = DEFAULT_LIMITS) -> None:
+        self._timeout_s = timeout_s
+        self._limits = limits
+        self._slots = BoundedSemaphore(MOST_REQUESTS)
+
+    def __call__(self, address: str) -> bytes:
+        """Return a file's bytes.
+
+        Raises:
+            ImageError: It is missing, unreadable, or does not come in time.
+        """
+        if not is_remote(address):
+            return read_file(address, limits=self._limits)
+        if not self._slots.acquire(timeout=self._timeout_s):
+            self._give_up(address)
+        answer: Future[bytes] = Future()
+        # Not a pool: Python waits for a pool's threads at its end, for ever if one hangs.
+        Thread(target=self._request, args=(address, answer), daemon=True).start()
+        try:
+            error = answer.exception(self._timeout_s)
+        except TimeoutError:
+            self._give_up(address)
+        if error is not None:
+            raise ImageError(_explain(address, error)) from error
+        return answer.result()
+
+    def _request(self, address: str, answer: Future[bytes]) -> None:
+        import fsspec  # noqa: PLC0415 - not needed for local photos
+
+        try:
+            with fsspec.open(address, "rb") as file:
+                answer.set_result(file.read(self._limits.max_file_bytes + 1))
+        except BaseException as error:  # handed to the thread that waits for it
+            answer.set_exception(error)
+        finally:
+            self._slots.release()
+
+    def _give_up(self, address: str) -> NoReturn:
+        message = (
+            f"{one_line(address)} did not answer within {self._timeout_s:g} s; "
+            "check the address or allow more time with --timeout"
+        )
+        raise ImageError(message)
+
+
+def _explain(address: str, error: BaseException) -> str:
+    name = one_line(address)
+    if isinstance(error, FileNotFoundError):
+        return f"{name} does not exist; check the address"
+    words = " ".join(str(error).split())[:LONGEST_REASON]
+    reason = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    return f"{name} cannot be read ({reason}); check the address and your rights"

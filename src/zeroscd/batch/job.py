@@ -1,0 +1,136 @@
+"""A whole batch: manifest in, a folder for each pair and two Parquet files out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from zeroscd.batch.desk import Options
+from zeroscd.batch.journal import CHANGES, PAIRS, Journal
+from zeroscd.batch.local import Local
+from zeroscd.batch.manifest import open_manifest
+from zeroscd.errors import OutputError, ZeroscdError
+from zeroscd.export.files import check_wanted, file_names
+from zeroscd.export.folder import check_target, write_together
+from zeroscd.export.table import changes_schema, pairs_schema, write_parquet
+from zeroscd.progress import Silent
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from zeroscd.batch.manifest import Manifest
+    from zeroscd.batch.task import Outcome, Task
+    from zeroscd.progress import Progress
+
+
+class Engine(Protocol):
+    """Turns tasks into outcomes: `Local` or `zeroscd.batch.cluster.Ray`."""
+
+    def settle(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
+        """Yield one outcome a task, in any order."""
+        ...
+
+
+@dataclass(slots=True, kw_only=True)
+class Summary:
+    """What a batch did.
+
+    Attributes:
+        pairs: Rows of the manifest.
+        reused: Pairs that an earlier run had compared.
+        failed: Rows with an error instead of a comparison.
+        regions: Changed regions in all.
+        looks: Photos that had to be described.
+        hits: Photos among these that were still known from another pair.
+        first_error: The first one met.
+    """
+
+    pairs: int = 0
+    reused: int = 0
+    failed: int = 0
+    regions: int = 0
+    looks: int = 0
+    hits: int = 0
+    first_error: str | None = None
+
+    def count(self, outcome: Outcome) -> None:
+        """Add one outcome."""
+        self.reused += outcome.reused
+        self.looks += outcome.looks
+        self.hits += outcome.hits
+        if outcome.error is not None:
+            self.first_error = self.first_error or outcome.error
+
+
+def run(
+    manifest: str | Path | Manifest,
+    out: str | Path,
+    *,
+    options: Options | None = None,
+    engine: Engine | None = None,
+    progress: Progress | None = None,
+) -> Summary:
+    """Compare the pairs of a manifest; write `changes.parquet`, `pairs.parquet` and pair folders.
+
+    A run that was stopped, in whatever way, continues when it is started again with the same
+    folder: pairs whose photos, settings and code are the same are not computed again. A pair that
+    cannot be compared is a row with its error.
+
+    Args:
+        manifest: A CSV, JSONL or Parquet file with the columns before, after and maybe id, or
+            what `open_manifest` and `open_folders` of `zeroscd.batch` return.
+        out: Folder for the results, on a disk of this machine.
+        options: Detector, files, waiting, memory; the `lite` preset if not given.
+        engine: Where the pairs are compared; this process if not given.
+        progress: Hears about every finished pair.
+
+    Raises:
+        DatasetError: The manifest cannot be read.
+        SettingsError: An unknown file is wanted.
+        OutputError: The folder cannot be written.
+        ZeroscdError: The detector cannot be made.
+    """
+    chosen, folder, listener = options or Options(), Path(out), progress or Silent()
+    check_wanted(chosen.write)
+    check_target(folder)
+    pairs = open_manifest(manifest) if isinstance(manifest, str | Path) else manifest
+    _make(folder)
+    with Journal(folder) as journal:
+        summary = Summary(pairs=journal.begin(pairs.rows()))
+        listener.begin(journal.unsettled())
+        tasks = journal.tasks(base=pairs.base, folder=folder, files=file_names(chosen.write))
+        for outcome in (engine or Local()).settle(tasks, chosen):
+            if outcome.files:
+                write_together(folder / outcome.name, outcome.files)
+            journal.settle(outcome)
+            summary.count(outcome)
+            listener.advance(outcome.name, reused=outcome.reused)
+        _require_all(journal)
+        _write_tables(journal, folder, summary)
+    return summary
+
+
+def _require_all(journal: Journal) -> None:
+    if missing := journal.unsettled():
+        message = f"{missing} pairs have no outcome; give the same command again to compare them"
+        raise ZeroscdError(message)
+
+
+def _write_tables(journal: Journal, folder: Path, summary: Summary) -> None:
+    def counted() -> Iterator[dict[str, object]]:
+        for row in journal.pair_rows():
+            summary.failed += row["error"] is not None
+            summary.first_error = summary.first_error or row["error"]
+            yield row
+
+    summary.regions = write_parquet(folder / CHANGES, journal.change_rows(), changes_schema())
+    write_parquet(folder / PAIRS, counted(), pairs_schema())
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"cannot make {folder}: {error.strerror}; choose another folder with -o"
+        raise OutputError(message) from error

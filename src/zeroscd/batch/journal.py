@@ -1,0 +1,222 @@
+"""What a batch has to do and has done, in one SQLite file, so that a killed one loses nothing."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import zlib
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Self
+
+from zeroscd.batch.address import resolve
+from zeroscd.batch.names import safe_name, stem
+from zeroscd.batch.task import Task
+from zeroscd.errors import OutputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+    from types import TracebackType
+
+    from zeroscd.batch.task import Outcome, Row
+
+FILE = "journal.sqlite"
+PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
+# Folders of pairs must not be called like these.
+RESERVED = (FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", PAIRS, CHANGES)
+CHUNK = 500  # rows read at a time
+OK, FAILED = "ok", "error"
+
+# done: what was ever computed, by name. todo and names: this run's manifest, written anew each run.
+TABLES = """
+CREATE TABLE IF NOT EXISTS done (name TEXT PRIMARY KEY, key TEXT NOT NULL, seconds REAL NOT NULL,
+    content BLOB NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS todo (row INTEGER PRIMARY KEY, id TEXT, name TEXT NOT NULL,
+    before TEXT, after TEXT, error TEXT, settled INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS names (folded TEXT PRIMARY KEY, next INTEGER NOT NULL) WITHOUT ROWID;
+"""
+
+
+class Journal:
+    """The state of a batch in its output folder; one process at a time, one thread.
+
+    Args:
+        out: The folder; it must exist.
+
+    Raises:
+        OutputError: The file cannot be written, or another process writes it.
+    """
+
+    def __init__(self, out: Path) -> None:
+        self._path = out / FILE
+        with self._telling():
+            self._database = sqlite3.connect(self._path, timeout=0, isolation_level=None)
+            # The lock lasts until the process ends, however it ends.
+            self._database.execute("PRAGMA locking_mode=EXCLUSIVE")
+            self._database.execute("PRAGMA journal_mode=WAL")
+            # A killed process loses nothing; a power cut may lose the last pairs, which are redone.
+            self._database.execute("PRAGMA synchronous=NORMAL")
+            self._database.executescript(TABLES)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._database.close()
+
+    def begin(self, rows: Iterable[Row]) -> int:
+        """Take over a manifest, giving each row a name of its own, and return how many there are.
+
+        A row without an id is called after its photo after. A name that was given before gets a
+        number: `elm`, `elm-2`, `elm-3`, by the order of the manifest.
+        """
+        with self._telling(), self._transaction():
+            self._database.execute("DELETE FROM todo")
+            self._database.execute("DELETE FROM names")
+            for name in RESERVED:
+                self._claim(name)
+            count = 0
+            for count, row in enumerate(rows, 1):
+                name = self._name(safe_name(row.id or stem(row.after or row.before or "pair")))
+                self._database.execute(
+                    "INSERT INTO todo VALUES (?, ?, ?, ?, ?, ?, ?)",
+                    (count, row.id, name, row.before, row.after, row.error, row.error is not None),
+                )
+        return count
+
+    def tasks(self, *, base: str, folder: Path, files: Sequence[str]) -> Iterator[Task]:
+        """Yield what can be compared, in the manifest's order.
+
+        Args:
+            base: What relative addresses are relative to.
+            folder: Where pairs have their folders.
+            files: What a finished pair must have there to count as known.
+        """
+        query = (
+            "SELECT row, todo.name, before, after, key FROM todo LEFT JOIN done "
+            "ON done.name = todo.name WHERE row > ? AND error IS NULL ORDER BY row LIMIT ?"
+        )
+        for row, name, before, after, key in self._chunks(query):
+            whole = key is not None and all((folder / name / file).exists() for file in files)
+            yield Task(
+                row=row,
+                name=name,
+                before=resolve(before, base=base),
+                after=resolve(after, base=base),
+                known=key if whole else None,
+            )
+
+    def settle(self, outcome: Outcome) -> None:
+        """Keep what came of a row, on disk before this returns."""
+        with self._telling(), self._transaction():
+            self._database.execute(
+                "UPDATE todo SET settled = 1, error = ? WHERE row = ?", (outcome.error, outcome.row)
+            )
+            if outcome.error is None and not outcome.reused:
+                content = {"pair": dict(outcome.pair), "changes": [*outcome.changes]}
+                packed = zlib.compress(json.dumps(content).encode(), level=1)
+                self._database.execute(
+                    "INSERT OR REPLACE INTO done VALUES (?, ?, ?, ?)",
+                    (outcome.name, outcome.key, outcome.seconds, packed),
+                )
+
+    def unsettled(self) -> int:
+        """Return how many rows have no outcome yet."""
+        with self._telling():
+            (count,) = self._database.execute(
+                "SELECT COUNT(*) FROM todo WHERE NOT settled"
+            ).fetchone()
+        return int(count)
+
+    def pair_rows(self) -> Iterator[dict[str, Any]]:
+        """Yield the rows of `pairs.parquet`, in the manifest's order."""
+        for row, id_, name, before, after, error, seconds, packed in self._results():
+            known = {} if error is not None else {**_unpack(packed)["pair"], "seconds": seconds}
+            yield {
+                "row": row,
+                "id": id_,
+                "pair": name,
+                "before": before,
+                "after": after,
+                "status": OK if error is None else FAILED,
+                "error": error,
+                **known,
+            }
+
+    def change_rows(self) -> Iterator[dict[str, Any]]:
+        """Yield the rows of `changes.parquet`, in the manifest's order."""
+        for _, _, name, _, _, error, _, packed in self._results():
+            if error is None:
+                for change in _unpack(packed)["changes"]:
+                    yield {"pair": name, **change}
+
+    def _results(self) -> Iterator[tuple[Any, ...]]:
+        return self._chunks(
+            "SELECT row, id, todo.name, before, after, error, seconds, content FROM todo "
+            "LEFT JOIN done ON done.name = todo.name WHERE row > ? ORDER BY row LIMIT ?"
+        )
+
+    def _chunks(self, query: str) -> Iterator[tuple[Any, ...]]:
+        last = 0
+        while True:
+            with self._telling():
+                rows = self._database.execute(query, (last, CHUNK)).fetchall()
+            if not rows:
+                return
+            yield from rows
+            last = rows[-1][0]
+
+    def _name(self, wanted: str) -> str:
+        """Return a name that no row has yet: the wanted one, or that with the next free number."""
+        folded = wanted.casefold()  # some file systems do not tell A from a
+        if self._claim(wanted):
+            return wanted
+        (number,) = self._database.execute(
+            "SELECT next FROM names WHERE folded = ?", (folded,)
+        ).fetchone()
+        while not self._claim(f"{wanted}-{number}"):
+            number += 1
+        self._database.execute("UPDATE names SET next = ? WHERE folded = ?", (number + 1, folded))
+        return f"{wanted}-{number}"
+
+    def _claim(self, name: str) -> bool:
+        query = "INSERT OR IGNORE INTO names VALUES (?, 2)"
+        return self._database.execute(query, (name.casefold(),)).rowcount == 1
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._database.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+        except BaseException:
+            self._database.execute("ROLLBACK")
+            raise
+        self._database.execute("COMMIT")
+
+    @contextmanager
+    def _telling(self) -> Iterator[None]:
+        """Turn what SQLite says into our own words."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
+                message = (
+                    f"another batch is writing into {self._path.parent}; "
+                    "wait for it or choose another folder with -o"
+                )
+            else:
+                message = (
+                    f"cannot write {self._path} ({error}); make room, or choose another folder "
+                    "with -o on a disk of this machine"
+                )
+            raise OutputError(message) from error
+
+
+def _unpack(packed: bytes) -> Mapping[str, Any]:
+    content: Mapping[str, Any] = json.loads(zlib.decompress(packed))
+    return content

@@ -1,0 +1,47 @@
+"""Names of pairs that are safe as folder names on any system."""
+
+from __future__ import annotations
+
+import hashlib
+import unicodedata
+from pathlib import PurePosixPath
+
+LONGEST = 100  # characters; file systems allow 255 bytes, and a number may follow
+TAIL = 8  # hexadecimal digits that tell shortened names apart
+HARMLESS = "-_.+=@ "
+# Names that Windows keeps for devices, with or without a suffix.
+DEVICES = frozenset(
+    {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))}
+)
+
+
+def safe_name(text: str) -> str:
+    """Turn an id into a folder's name; different ids may become the same name.
+
+    Example:
+        >>> safe_name("Main St/12 (north)")
+        'Main St_12 _north_'
+        >>> safe_name("..")
+        'pair'
+    """
+    composed = unicodedata.normalize("NFC", text)
+    name = "".join(c if c.isalnum() or c in HARMLESS else "_" for c in composed).strip(" .")
+    if name.partition(".")[0].lower() in DEVICES:
+        name = f"_{name}"
+    if len(name) > LONGEST or len(name.encode()) > 2 * LONGEST:
+        name = f"{name[: LONGEST // 2].rstrip(' .')}-{_digits(text)}"
+    return name or "pair"
+
+
+def stem(address: str) -> str:
+    """Return the file name of an address without its suffix.
+
+    Example:
+        >>> stem("s3://bucket/2019/elm_street.jpg")
+        'elm_street'
+    """
+    return PurePosixPath(address.replace("\\", "/")).stem
+
+
+def _digits(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:TAIL]

@@ -1,0 +1,162 @@
+"""`zeroscd batch`: many pairs, on this machine or on a cluster."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from zeroscd.cli.console import say, warn
+from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
+from zeroscd.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from zeroscd.batch import Manifest, Summary
+    from zeroscd.batch.job import Engine
+
+CHANGES, PAIRS = "changes.parquet", "pairs.parquet"
+MEBIBYTE = 2**20
+SOURCE_HELP = "CSV, JSONL or Parquet with columns before, after, id; or a folder of photos before."
+
+
+def batch(
+    manifest: Annotated[str, typer.Argument(metavar="MANIFEST", help=SOURCE_HELP)],
+    out: OutFolder,
+    after: Annotated[
+        str | None,
+        typer.Argument(metavar="[AFTER_DIR]", help="The folder after, if MANIFEST is one."),
+    ] = None,
+    engine: Annotated[
+        Literal["local", "ray"], typer.Option(help="This process, or a Ray cluster.")
+    ] = "local",
+    write: Annotated[
+        str, typer.Option(help="Files for each pair, separated by commas; none; or all.")
+    ] = "mask,json",
+    preset: Preset = "lite",
+    settings: Overrides = None,
+    device: Device = "auto",
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Pairs compared at once by the local engine.")
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option(min=0.1, help="Longest wait for a remote photo, in seconds.")
+    ] = 60.0,
+    cache_mb: Annotated[
+        int, typer.Option(min=0, help="Memory for photos that occur in several pairs.")
+    ] = 256,
+    num_gpus: Annotated[
+        float | None, typer.Option(min=0, help="Ray: graphics cards for each actor, such as 0.5.")
+    ] = None,
+    concurrency: Annotated[
+        int | None, typer.Option(min=1, help="Ray: number of actors; all that fit if not given.")
+    ] = None,
+    ray_address: Annotated[
+        str | None, typer.Option(help="Ray: a running cluster; a local one is started otherwise.")
+    ] = None,
+) -> None:
+    """Compare many pairs; writes OUT/changes.parquet, OUT/pairs.parquet and OUT/ID/ for each pair.
+
+    A batch that was stopped, in whatever way, continues when the same command is given again.
+    """
+    chosen = pick_engine(
+        engine, workers, {"num_gpus": num_gpus, "concurrency": concurrency, "address": ray_address}
+    )
+    overrides = parse_overrides(settings)
+    from zeroscd.batch import Options, run
+    from zeroscd.cli.detect import check_request
+    from zeroscd.cli.progress import Bar
+    from zeroscd.detector import Detector
+
+    check_request(preset, overrides, out=out)
+    options = Options(
+        detector=partial(Detector.from_preset, preset, device=device, overrides=overrides),
+        write=parse_files(write),
+        timeout_s=timeout,
+        cache_bytes=cache_mb * MEBIBYTE,
+    )
+    pairs = find_pairs(manifest, after)
+    try:
+        with Bar("comparing") as bar:
+            summary = run(pairs, out, options=options, engine=chosen, progress=bar)
+    except KeyboardInterrupt:
+        warn(f"stopped; give the same command again to continue in {out}")
+        raise
+    tell(summary, out)
+
+
+def find_pairs(manifest: str, after: str | None) -> Manifest:
+    """Open a manifest, or pair two folders.
+
+    Raises:
+        DatasetError: It cannot be read.
+        SettingsError: One folder alone, or a folder beside a manifest.
+    """
+    from zeroscd.batch import open_folders, open_manifest
+
+    if after is not None and Path(manifest).is_file():
+        message = f"{manifest} is a file: give a manifest alone, or two folders"
+        raise SettingsError(message)
+    if after is not None:
+        return open_folders(manifest, after)
+    if Path(manifest).is_dir():
+        message = f"{manifest} is a folder: give the folder of the photos after as well"
+        raise SettingsError(message)
+    return open_manifest(manifest)
+
+
+def parse_files(text: str) -> tuple[str, ...]:
+    """Read which files are wanted for each pair.
+
+    Example:
+        >>> parse_files("mask, json"), parse_files("none")
+        (('mask', 'json'), ())
+    """
+    from zeroscd.export.files import FILES
+
+    if text == "all":
+        return tuple(FILES)
+    return tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
+
+
+def pick_engine(
+    name: Literal["local", "ray"], workers: int | None, ray_options: Mapping[str, Any]
+) -> Engine:
+    """Return the engine of a name with the options that are meant for it.
+
+    Raises:
+        SettingsError: An option of the other engine was given.
+    """
+    given = {option: value for option, value in ray_options.items() if value is not None}
+    if name == "local":
+        if given:
+            message = "--num-gpus, --concurrency and --ray-address need --engine ray"
+            raise SettingsError(message)
+        from zeroscd.batch.local import Local
+
+        return Local(workers=workers)
+    if workers is not None:
+        message = "--workers is for --engine local; use --concurrency with --engine ray"
+        raise SettingsError(message)
+    from zeroscd.batch.cluster import Ray
+
+    return Ray(**given)
+
+
+def tell(summary: Summary, out: Path) -> None:
+    """Print what was done and where it lies."""
+    compared = summary.pairs - summary.failed
+    if summary.failed:
+        warn(
+            f"{summary.failed} of {summary.pairs} pairs could not be compared; see the column "
+            f"error of {out / PAIRS}; the first: {summary.first_error}"
+        )
+    reused = f", {summary.reused} of them by an earlier run" if summary.reused else ""
+    say(f"{compared} of {summary.pairs} pairs compared{reused}; {summary.regions} changed regions")
+    if summary.looks:
+        say(f"photos still known from another pair: {summary.hits / summary.looks:.0%}")
+    say(f"changes: {out / CHANGES}")
+    say(f"pairs: {out / PAIRS}")

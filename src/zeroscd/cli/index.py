@@ -1,0 +1,235 @@
+"""`zeroscd index`: old photos by place."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from zeroscd.cli.console import busy, say, warn
+from zeroscd.cli.options import Device, Overrides, Places, Within, parse_overrides
+from zeroscd.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from zeroscd.retrieval import Nearby, PlaceIndex, PlaceMatch
+    from zeroscd.retrieval.describe import Place
+    from zeroscd.settings import Settings
+
+MOST_WARNINGS = 5  # photos named one by one
+MOST_LATITUDE, MOST_LONGITUDE = 90.0, 180.0  # degrees
+
+app = typer.Typer(help="Find the old photo of a place.")
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@app.command()
+def build(
+    photos: Annotated[list[Path], typer.Argument(metavar="PHOTOS", help="Folders or photos.")],
+    out: Annotated[
+        str, typer.Option("--out", "-o", metavar="PLACES", help="Folder or address of the index.")
+    ],
+    preset: Annotated[
+        str | None, typer.Option(help="Whose encoder describes the photos; lite if not given.")
+    ] = None,
+    settings: Overrides = None,
+    device: Device = "auto",
+) -> None:
+    """Make a place index, or add to one what is new or has changed.
+
+    Photos that are in it already cost a look at their file. A build that was stopped continues
+    when the same command is given again.
+
+    Example: zeroscd index build old/ -o places
+    """
+    wanted = wanted_settings(preset, settings)
+    from zeroscd.cli.progress import Bar
+    from zeroscd.retrieval.photos import list_photos
+
+    paths = [path for source in photos for path in list_photos(source)]
+    with busy("loading the encoder"):
+        index = open_or_create(out, wanted, device=device)
+    try:
+        with Bar("describing") as bar:
+            done = index.add(paths, progress=bar)
+    except KeyboardInterrupt:
+        warn(f"stopped; give the same command again to continue in {out}")
+        raise
+    warn_of_failures(done.failed)
+    say(
+        f"{done.new} photos added, {done.changed} replaced, {done.same} there already, "
+        f"{len(done.failed)} unreadable"
+    )
+    say(f"places: {out} ({len(index)} photos)")
+
+
+@app.command()
+def query(
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="A new photo.")],
+    places: Places,
+    count: Annotated[int, typer.Option("-k", min=1, help="How many old photos at most.")] = 5,
+    within: Within = None,
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="LAT,LON", help="Where it was taken, if its file does not say."),
+    ] = None,
+    as_json: AsJson = False,
+    preset: Annotated[
+        str | None, typer.Option(help="Insist on this preset's encoder; else the index's own.")
+    ] = None,
+    settings: Overrides = None,
+    device: Device = "auto",
+) -> None:
+    """Find the old photos that show the place of a new one, best first.
+
+    Example: zeroscd index query new/elm.jpg --places places -k 3 --within 50
+    """
+    position = parse_position(at)
+    wanted = wanted_settings(preset, settings)
+    from zeroscd.images.exif import Exif
+    from zeroscd.retrieval import PlaceIndex
+
+    with busy("loading the encoder"):
+        index = PlaceIndex.open(places, settings=wanted, device=device)
+    with busy("looking"):
+        place = index.describe(photo, exif=Exif(gps=position) if position else None)
+        found = index.find(place, count, nearby=around(place, within, name=str(photo)))
+    if as_json:
+        typer.echo(json.dumps([as_values(match) for match in found], indent=1))
+        return
+    for rank, match in enumerate(found, 1):
+        say(f"{rank}. {sentence(match)}")
+    if not found:
+        warn("no old photo within this distance" if within else "the place index is empty")
+
+
+@app.command()
+def delete(
+    photos: Annotated[
+        list[Path], typer.Argument(metavar="PHOTOS", help="Photos, or folders with all below.")
+    ],
+    places: Places,
+) -> None:
+    """Take photos out of a place index; the files stay where they are."""
+    from zeroscd.retrieval.store import Store
+
+    store = Store.open(places)
+    gone = store.remove_below(photos)
+    say(f"taken out: {gone}; left: {len(store)}")
+
+
+@app.command()
+def info(places: Places, as_json: AsJson = False) -> None:
+    """Say what a place index holds and how it was made."""
+    from zeroscd.retrieval.store import Store
+
+    store = Store.open(places)
+    if as_json:
+        typer.echo(json.dumps(store.info(), indent=1))
+        return
+    for key, value in store.info().items():
+        shown = (
+            ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
+        )
+        say(f"{key}: {shown}")
+
+
+def open_or_create(address: str, wanted: Settings | None, *, device: str) -> PlaceIndex:
+    """Open a place index, or make it if there is none.
+
+    Raises:
+        SettingsError: It was made with other settings than those wanted.
+        OutputError: It cannot be made.
+    """
+    from zeroscd.retrieval import PlaceIndex
+    from zeroscd.retrieval.store import is_index
+
+    if is_index(address):
+        return PlaceIndex.open(address, settings=wanted, device=device)
+    return PlaceIndex.create(address, settings=wanted, device=device)
+
+
+def wanted_settings(preset: str | None, overrides: list[str] | None) -> Settings | None:
+    """Return the settings that a command line names; None if it names none.
+
+    Raises:
+        SettingsError: An unknown preset or setting.
+    """
+    from zeroscd.settings import preset as named
+
+    if preset is None and not overrides:
+        return None
+    return named(preset or "lite").override(parse_overrides(overrides))
+
+
+def parse_position(text: str | None) -> tuple[float, float] | None:
+    """Read LAT,LON in degrees.
+
+    Raises:
+        SettingsError: It is something else.
+
+    Example:
+        >>> parse_position("48.8584, 2.2945")
+        (48.8584, 2.2945)
+    """
+    if text is None:
+        return None
+    try:
+        latitude, longitude = (float(part) for part in text.split(","))
+    except ValueError:
+        latitude = longitude = float("nan")
+    if not (abs(latitude) <= MOST_LATITUDE and abs(longitude) <= MOST_LONGITUDE):
+        message = f"--at needs latitude and longitude in degrees, as in --at 48.8584,2.2945: {text}"
+        raise SettingsError(message)
+    return latitude, longitude
+
+
+def around(place: Place, within: float | None, *, name: str) -> Nearby | None:
+    """Return the circle to look in.
+
+    Raises:
+        SettingsError: A circle is wanted, but nobody knows where the photo was taken.
+    """
+    from zeroscd.retrieval import Nearby
+
+    if within is None:
+        return None
+    if place.exif.gps is None:
+        message = f"{name} does not say where it was taken; give --at LAT,LON or omit --within"
+        raise SettingsError(message)
+    return Nearby(place.exif.gps, within)
+
+
+def sentence(match: PlaceMatch) -> str:
+    """Say what there is to know about a match in one line."""
+    parts = [f"score {match.score:.2f}", f"{match.inliers} patches agree"]
+    if match.metres is not None:
+        parts.append(f"{match.metres:.0f} m away")
+    if match.exif.taken is not None:
+        parts.append(f"taken {match.exif.taken}")
+    return f"{match.path} ({', '.join(parts)})"
+
+
+def as_values(match: PlaceMatch) -> dict[str, object]:
+    """Return a match as plain values."""
+    return {
+        "path": match.path,
+        "score": match.score,
+        "inliers": match.inliers,
+        "similarity": match.similarity,
+        "metres": match.metres,
+        "gps": match.exif.gps,
+        "taken": match.exif.taken,
+    }
+
+
+def warn_of_failures(failed: Mapping[str, str]) -> None:
+    """Name the first photos that cannot be read, and count the rest."""
+    for reason in list(failed.values())[:MOST_WARNINGS]:
+        warn(reason)
+    if len(failed) > MOST_WARNINGS:
+        warn(f"and {len(failed) - MOST_WARNINGS} more photos cannot be read")

@@ -1,0 +1,98 @@
+"""`zeroscd serve`: a page in the browser, and the same over HTTP."""
+
+from __future__ import annotations
+
+import os
+from importlib.util import find_spec
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import Annotated
+
+import typer
+
+from zeroscd.cli.console import busy, say
+from zeroscd.cli.options import Device  # noqa: TC001 - typer reads the annotations
+from zeroscd.errors import SettingsError
+
+NEEDED = ("fastapi", "uvicorn", "gradio", "python_multipart", "prometheus_client")
+
+
+def serve(
+    host: Annotated[
+        str, typer.Option(help="Address to listen at; 0.0.0.0 lets other machines in.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 8000,
+    preset: Annotated[
+        list[str] | None,
+        typer.Option(help="Preset to load; may be repeated.  [default: lite]"),
+    ] = None,
+    api_key_env: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Environment variable with a key; may be repeated."),
+    ] = None,
+    state: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Where jobs and their photos are kept.")
+    ] = None,
+    device: Device = "auto",
+) -> None:
+    """Open a page in the browser where two photos are compared; programs use the same address.
+
+    Example: zeroscd serve --port 8000
+    """
+    require_installed()
+    from zeroscd.settings import preset as named
+
+    presets = preset or ["lite"]
+    for name in presets:
+        named(name)
+    keys = read_keys(api_key_env or [])
+    with busy("loading the networks"):
+        from zeroscd.serve.limits import Limits
+        from zeroscd.serve.run import Plan
+        from zeroscd.serve.run import serve as run
+    run(
+        Plan(
+            host=host,
+            port=port,
+            presets=presets,
+            device=device,
+            keys=keys,
+            state=state or default_state(),
+            limits=Limits(),
+        ),
+        ready=lambda address: say(f"listening at {address} (Ctrl+C stops)"),
+    )
+
+
+def require_installed() -> None:
+    """Check that the packages of the extra are there.
+
+    Raises:
+        SettingsError: One is not.
+    """
+    missing = [name for name in NEEDED if find_spec(name) is None]
+    if missing:
+        message = f"serve needs {missing[0].replace('_', '-')}; run: pip install 'zeroscd[serve]'"
+        raise SettingsError(message)
+
+
+def read_keys(names: list[str]) -> list[str]:
+    """Read keys from the environment, where a list of processes does not show them.
+
+    Raises:
+        SettingsError: A variable is not set or empty.
+    """
+    keys = []
+    for name in names:
+        key = os.environ.get(name, "").strip()
+        if not key:
+            message = f"--api-key-env {name}: no such environment variable, or it is empty; set it"
+            raise SettingsError(message)
+        keys.append(key)
+    return keys
+
+
+def default_state() -> Path:
+    """Return the folder for what a server keeps, by the platform's convention."""
+    from platformdirs import user_state_path
+
+    return user_state_path("zeroscd") / "serve"

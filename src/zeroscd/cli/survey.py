@@ -1,0 +1,106 @@
+"""`zeroscd survey`: new photos of a city against an index of old ones."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from zeroscd.cli.batch import MEBIBYTE, parse_files
+from zeroscd.cli.console import busy, say, warn
+from zeroscd.cli.options import (
+    Device,
+    OutFolder,
+    Overrides,
+    Places,
+    Preset,
+    Within,
+    parse_overrides,
+)
+
+if TYPE_CHECKING:
+    from zeroscd.survey import Summary
+
+WRITE_HELP = "Files for each pair, separated by commas; none; or all."
+
+
+def survey(
+    photos: Annotated[
+        list[Path], typer.Argument(metavar="NEW_PHOTOS", help="Folders or photos of today.")
+    ],
+    places: Places,
+    out: OutFolder,
+    within: Within = None,
+    least_score: Annotated[
+        float | None,
+        typer.Option(min=0, max=1, help="From which an old photo counts as of the same place."),
+    ] = None,
+    write: Annotated[str, typer.Option(help=WRITE_HELP)] = "json,report",
+    preset: Preset = "lite",
+    settings: Overrides = None,
+    device: Device = "auto",
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Pairs compared at once; chosen if not given.")
+    ] = None,
+    cache_mb: Annotated[
+        int, typer.Option(min=0, help="Memory for old photos that several new ones show.")
+    ] = 256,
+) -> None:
+    """Find the old photo of each new one, compare both, and report the changes.
+
+    Writes OUT/report.html, changes.parquet, pairs.parquet, changes.geojson and coco.json. A
+    survey that was stopped, in whatever way, continues when the same command is given again.
+
+    Example: zeroscd survey today/ --places places -o changes --within 50
+    """
+    overrides = parse_overrides(settings)
+    from zeroscd.batch import Options
+    from zeroscd.cli.batch import pick_engine
+    from zeroscd.cli.detect import check_request
+    from zeroscd.cli.progress import Bar
+    from zeroscd.detector import Detector
+    from zeroscd.export.files import check_wanted
+    from zeroscd.retrieval import PlaceIndex
+    from zeroscd.retrieval.index import RECOGNISED
+    from zeroscd.retrieval.photos import list_photos
+    from zeroscd.survey import Rules, compare, look
+
+    check_request(preset, overrides, out=out)
+    check_wanted(parse_files(write))
+    paths = [path for source in photos for path in list_photos(source)]
+    with busy("opening the place index"):
+        index = PlaceIndex.open(places, device=device)
+    options = Options(
+        detector=partial(Detector.from_preset, preset, device=device, overrides=overrides),
+        write=parse_files(write),
+        cache_bytes=cache_mb * MEBIBYTE,
+    )
+    least = RECOGNISED if least_score is None else least_score
+    try:
+        with Bar("looking") as bar:
+            rules = Rules(within_m=within, least_score=least)
+            sightings = look(paths, index, out, rules=rules, progress=bar)
+        with Bar("comparing") as bar:
+            engine = pick_engine("local", workers, {})
+            summary = compare(sightings, out, options=options, engine=engine, progress=bar)
+    except KeyboardInterrupt:
+        warn(f"stopped; give the same command again to continue in {out}")
+        raise
+    tell(summary)
+
+
+def tell(summary: Summary) -> None:
+    """Print what was found and where it lies."""
+    photos = len(summary.sightings)
+    unmatched = photos - summary.matched
+    broken = summary.batch.failed - unmatched
+    say(f"{summary.matched} of {photos} new photos have an old one of the same place")
+    if unmatched:
+        first = next(one for one in summary.sightings if one.old is None)
+        warn(f"{unmatched} new photos were not compared; the first: {first.new}: {first.reason}")
+    if broken:
+        warn(f"{broken} pairs could not be compared; see the column error of pairs.parquet")
+    say(f"{summary.batch.regions} changed regions")
+    say(f"report: {summary.report}")

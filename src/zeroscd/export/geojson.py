@@ -1,0 +1,76 @@
+"""Changes on the map: GeoJSON for GIS programs and web maps."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+MAP_KEYS = ("kind", "score", "area_px", "bbox_xywh", "frame")
+DIGITS = 7  # of a degree: a centimetre
+
+
+def feature(
+    change: Mapping[str, Any], pair: Mapping[str, Any], *, links: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return one change as a GeoJSON feature: where the camera stood, between which two times.
+
+    Args:
+        change: A row of `changes.parquet` (`zeroscd.export.table.change_rows`).
+        pair: The row of `pairs.parquet` that it belongs to (`pair_row`).
+        links: Where a reader finds more, by name, such as "report"; addresses or paths.
+
+    Returns:
+        Its geometry is the camera's point, or null where neither photo says where it was taken;
+        `from` and `to` are null where a photo does not say when.
+
+    Source: RFC 7946 (longitude first; null geometry for what is not located).
+
+    Example:
+        >>> found = feature({"kind": "added", "latitude": 48.5, "longitude": 2.25}, {})
+        >>> found["geometry"]
+        {'type': 'Point', 'coordinates': [2.25, 48.5]}
+    """
+    return {
+        "type": "Feature",
+        "id": f"{change.get('pair')}/{change.get('region')}",
+        "geometry": _point(change.get("latitude"), change.get("longitude")),
+        "properties": {
+            "pair": change.get("pair"),
+            "region": change.get("region"),
+            **{key: change.get(key) for key in MAP_KEYS},
+            "from": pair.get("taken_before"),
+            "to": pair.get("taken_after"),
+            "before": pair.get("before"),
+            "after": pair.get("after"),
+            **(links or {}),
+        },
+    }
+
+
+def geojson(features: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return features as the content of one GeoJSON file.
+
+    Example:
+        >>> geojson([])
+        {'type': 'FeatureCollection', 'features': []}
+    """
+    return {"type": "FeatureCollection", "features": list(features)}
+
+
+def geojson_lines(features: Iterable[Mapping[str, Any]]) -> Iterator[bytes]:
+    """Write the same as text, a line a feature, never more than one of them in memory."""
+    yield b'{"type": "FeatureCollection", "features": ['
+    separator = "\n"
+    for one in features:
+        yield (separator + json.dumps(one, allow_nan=False)).encode("ascii")
+        separator = ",\n"
+    yield b"\n]}\n"
+
+
+def _point(latitude: float | None, longitude: float | None) -> dict[str, Any] | None:
+    if latitude is None or longitude is None:
+        return None
+    return {"type": "Point", "coordinates": [round(longitude, DIGITS), round(latitude, DIGITS)]}

@@ -1,0 +1,272 @@
+"""The place index: photos in, and for a new photo the old ones of the same place out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from zeroscd.errors import DatasetError, ImageError
+from zeroscd.images.exif import Exif, read_exif
+from zeroscd.images.read import one_line, read_file, read_photo
+from zeroscd.models import load_encoder
+from zeroscd.progress import Silent
+from zeroscd.retrieval.canary import about, check_canary, describe_canary, settings_from
+from zeroscd.retrieval.describe import describe
+from zeroscd.retrieval.gps import metres
+from zeroscd.retrieval.photos import digest_bytes
+from zeroscd.retrieval.rows import Entry
+from zeroscd.retrieval.store import Store, is_index
+from zeroscd.retrieval.verify import verify
+from zeroscd.settings import Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from zeroscd.encoders.port import PatchEncoder
+    from zeroscd.images.read import PhotoSource
+    from zeroscd.progress import Progress
+    from zeroscd.retrieval.describe import Place
+    from zeroscd.retrieval.store import Nearby
+
+AT_ONCE = 64  # photos described between two writes: what a kill may lose
+CANDIDATES = 30  # looked at patch by patch (docs/places.md)
+# Score from which two photos count as of one place: wrong streets stay below (docs/places.md).
+RECOGNISED = 0.012
+DEFAULT = Settings(side_px=416)  # the lite encoder needs fewer pixels to know a place than a change
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceMatch:
+    """An old photo that may show the place.
+
+    Attributes:
+        path: Where it lies.
+        score: 0..1, share of telling patches that match and agree on a homography, all scales.
+        inliers: How many patches that are.
+        similarity: Cosine of the descriptors of the whole photos, by which it was proposed.
+        metres: From where the new photo was taken; None where either does not say.
+        exif: Where and when the old photo was taken.
+    """
+
+    path: str
+    score: float
+    inliers: int
+    similarity: float
+    metres: float | None
+    exif: Exif
+
+
+@dataclass(slots=True, kw_only=True)
+class Added:
+    """What `PlaceIndex.add` did.
+
+    Attributes:
+        new: Photos that were not in the index.
+        changed: Photos whose file is another one now.
+        same: Photos that were there already.
+        failed: Why a photo cannot be added, by path.
+    """
+
+    new: int = 0
+    changed: int = 0
+    same: int = 0
+    failed: dict[str, str] = field(default_factory=dict)
+
+
+class PlaceIndex:
+    """Old photos, found again by what they show.
+
+    Args:
+        store: Where they are kept.
+        encoder: What describes them; the one with which the index was made.
+        settings: Under which it does.
+    """
+
+    def __init__(self, store: Store, encoder: PatchEncoder, settings: Settings) -> None:
+        self._store = store
+        self._encoder = encoder
+        self.settings = settings
+
+    @classmethod
+    def create(
+        cls,
+        address: str | Path,
+        *,
+        settings: Settings | None = None,
+        encoder: PatchEncoder | None = None,
+        device: str = "auto",
+    ) -> Self:
+        """Make an empty index.
+
+        Args:
+            address: A folder, or an address of an object store such as "s3://bucket/places".
+            settings: Name the encoder and how it looks at photos; `DEFAULT` if not given.
+            encoder: The loaded encoder, if there is one already.
+            device: "auto", "cpu" or "cuda".
+
+        Raises:
+            DatasetError: There is an index already.
+            OutputError: It cannot be written.
+            SettingsError: LanceDB is not installed, or an unknown encoder or device.
+            WeightsError: The encoder's weights are missing or damaged.
+        """
+        name = str(address)
+        if is_index(name):
+            message = f"{one_line(name)} is a place index already; open it to add photos"
+            raise DatasetError(message)
+        chosen = settings or DEFAULT
+        loaded = encoder or load_encoder(chosen, device=device)
+        return cls(Store.create(name, about(chosen), describe_canary(loaded)), loaded, chosen)
+
+    @classmethod
+    def open(
+        cls,
+        address: str | Path,
+        *,
+        settings: Settings | None = None,
+        encoder: PatchEncoder | None = None,
+        device: str = "auto",
+    ) -> Self:
+        """Open an index with the encoder that it was made with.
+
+        Args:
+            address: Where it is.
+            settings: As somebody asks for them; refused if the index was made with others.
+            encoder: The loaded encoder, if there is one already.
+            device: "auto", "cpu" or "cuda".
+
+        Raises:
+            DatasetError: There is no index.
+            SettingsError: The index was made with another encoder, settings or incompatible
+                version; or LanceDB is not installed.
+            WeightsError: The encoder's weights are missing or damaged.
+        """
+        store = Store.open(str(address))
+        chosen = settings_from(store.about, wanted=settings)
+        loaded = encoder or load_encoder(chosen, device=device)
+        check_canary(store.canary, describe_canary(loaded), store.about)
+        return cls(store, loaded, chosen)
+
+    def __len__(self) -> int:
+        return len(self._store)
+
+    def add(self, paths: Sequence[str | Path], *, progress: Progress | None = None) -> Added:
+        """Add photos, leaving out those that are there; stopped runs lose a few photos at most.
+
+        Args:
+            paths: Of files; the index remembers them as absolute.
+            progress: Hears about every photo.
+
+        Raises:
+            OutputError: The index cannot be written.
+        """
+        listener, done, known = progress or Silent(), Added(), self._store.known()
+        listener.begin(len(paths))
+        waiting: list[Entry] = []
+        for path in dict.fromkeys(str(Path(path).absolute()) for path in paths):
+            entry = self._take(path, known.get(path), done)
+            waiting += [entry] if entry else []
+            if len(waiting) == AT_ONCE:
+                self._write(waiting, known)
+                waiting = []
+            listener.advance(Path(path).name, reused=entry is None)
+        self._write(waiting, known)
+        if done.new or done.changed:
+            self._store.tidy()
+        return done
+
+    def remove(self, paths: Iterable[str | Path]) -> int:
+        """Take photos, or all photos below folders, out of the index; return how many there were.
+
+        Raises:
+            OutputError: The index cannot be written.
+        """
+        return self._store.remove_below(paths)
+
+    def describe(self, photo: PhotoSource, *, exif: Exif | None = None) -> Place:
+        """Describe the place that a photo shows; `exif` replaces what its file says.
+
+        Raises:
+            ImageError: It cannot be read.
+        """
+        noted = read_exif(photo) if isinstance(photo, str | Path | bytes) else Exif()
+        return describe(read_photo(photo), self._encoder, exif=exif or noted)
+
+    def find(
+        self, place: Place, count: int = 5, *, nearby: Nearby | None = None, rerank: bool = True
+    ) -> list[PlaceMatch]:
+        """Find the old photos that show a place, best first.
+
+        The photos with the most similar descriptors are compared patch by patch.
+
+        Args:
+            place: As `describe` returns it.
+            count: How many photos at most.
+            nearby: Only within a radius; photos that do not say where they were taken are out.
+            rerank: False leaves the order of the descriptors, and scores at zero.
+        """
+        wanted = max(count, CANDIDATES) if rerank else count
+        found = self._store.nearest(place.vector, wanted, nearby=nearby)
+        matches = [_match(place, entry, cosine, rerank=rerank) for entry, cosine in found]
+        # Sorting is stable: among equal scores the more similar descriptor stays first.
+        return sorted(matches, key=lambda one: -one.score)[:count]
+
+    def query(
+        self, photo: PhotoSource, count: int = 5, *, nearby: Nearby | None = None
+    ) -> list[PlaceMatch]:
+        """Find the old photos that show the place of a new one, best first.
+
+        Raises:
+            ImageError: The new photo cannot be read.
+        """
+        return self.find(self.describe(photo), count, nearby=nearby)
+
+    def state(self) -> str:
+        """Return what changes whenever the photos in the index do."""
+        return self._store.state()
+
+    def info(self) -> dict[str, Any]:
+        """Return what there is to know about the index, as plain values."""
+        return self._store.info()
+
+    def _take(self, path: str, known: str | None, done: Added) -> Entry | None:
+        """Describe a photo that is new or changed, and count it."""
+        try:
+            content = read_file(path)
+            digest = digest_bytes(content)
+            if digest == known:
+                done.same += 1
+                return None
+            place = describe(
+                read_photo(content, name=one_line(path)), self._encoder, exif=read_exif(content)
+            )
+        except ImageError as error:
+            done.failed[path] = str(error)
+            return None
+        done.new += known is None
+        done.changed += known is not None
+        return Entry(path, digest, place)
+
+    def _write(self, entries: list[Entry], known: dict[str, str]) -> None:
+        if entries:
+            self._store.remove([entry.path for entry in entries if entry.path in known])
+            self._store.put(entries)
+
+
+def _match(place: Place, entry: Entry, cosine: float, *, rerank: bool) -> PlaceMatch:
+    old = entry.place
+    agreement = (
+        verify(place.patches, old.patches, sizes_hw=(place.size_hw, old.size_hw))
+        if rerank
+        else None
+    )
+    here, there = place.exif.gps, old.exif.gps
+    return PlaceMatch(
+        path=entry.path,
+        score=agreement.score if agreement else 0.0,
+        inliers=agreement.inliers if agreement else 0,
+        similarity=cosine,
+        metres=metres(here, there) if here and there else None,
+        exif=old.exif,
+    )

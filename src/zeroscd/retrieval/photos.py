@@ -1,0 +1,45 @@
+"""Which files are photos to put into an index, with what is known of them besides."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from zeroscd.errors import DatasetError
+from zeroscd.images.read import one_line
+
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".gif", ".ppm"})
+
+
+def list_photos(source: str | Path) -> list[str]:
+    """Return the photos below a folder, or the one photo given, as absolute paths in name order.
+
+    Hidden files and folders are left out.
+
+    Raises:
+        DatasetError: There is nothing, or no photo in the folder.
+    """
+    root = Path(source).absolute()
+    if root.is_file():
+        return [str(root)]
+    if not root.is_dir():
+        message = f"{one_line(str(source))} does not exist; give a folder of photos"
+        raise DatasetError(message)
+    found = [
+        str(path)
+        for path in sorted(root.rglob("*"))
+        if path.suffix.lower() in SUFFIXES
+        and not any(part.startswith(".") for part in path.relative_to(root).parts)
+        and path.is_file()
+    ]
+    if not found:
+        message = (
+            f"{one_line(str(source))} holds no photo; looked for {', '.join(sorted(SUFFIXES))}"
+        )
+        raise DatasetError(message)
+    return found
+
+
+def digest_bytes(content: bytes) -> str:
+    """Return what tells a photo's file from every other."""
+    return hashlib.sha256(content).hexdigest()

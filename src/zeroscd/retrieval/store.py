@@ -1,0 +1,276 @@
+"""Places on disk or in object storage: a LanceDB table, searched exactly or approximately."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from zeroscd.errors import DatasetError, OutputError, SettingsError, ZeroscdError
+from zeroscd.fingerprint import digest_values
+from zeroscd.images.read import one_line
+from zeroscd.retrieval.gps import box_around, metres
+from zeroscd.retrieval.rows import Entry, about_of, schema_of, to_entry, to_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from contextlib import AbstractContextManager
+
+    import numpy as np
+    from lancedb.table import Table
+    from numpy.typing import NDArray
+
+    from zeroscd.retrieval.describe import Place
+
+PLACES, CANARY = "places", "canary"
+PATHS_AT_ONCE = 500  # in one condition
+# Below this many places every vector is compared: exact, and still quick (docs/places.md).
+APPROXIMATE_FROM = 100_000
+REFINE = 10  # times as many candidates as asked for are compared again exactly
+PROBES = 40  # cells of the approximate index that are searched
+ROUNDS = 10  # of k-means for the cells; what they miss, the exact comparison makes good
+KEPT = timedelta(days=1)  # what was replaced, for surveys that have the index open
+COLUMNS = (
+    "path",
+    "digest",
+    "latitude",
+    "longitude",
+    "taken",
+    "height",
+    "width",
+    "vector",
+    "patches",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Nearby:
+    """Only places within a radius.
+
+    Attributes:
+        centre: Latitude and longitude in degrees.
+        radius_m: In metres along the ground.
+    """
+
+    centre: tuple[float, float]
+    radius_m: float
+
+
+class Store:
+    """The tables of one index; `create` or `open` makes it."""
+
+    def __init__(self, table: Table, canary: Table, address: str) -> None:
+        self._table = table
+        self._canary = canary
+        self._address = one_line(address)
+
+    @classmethod
+    def create(cls, address: str, about: Mapping[str, Any], canary: Place) -> Store:
+        """Make an empty index.
+
+        Args:
+            address: A folder, or an address of an object store.
+            about: Plain values that `about` returns later.
+            canary: A known photo, described by what describes all others.
+
+        Raises:
+            OutputError: It cannot be written.
+            SettingsError: LanceDB is not installed.
+        """
+        schema = schema_of(len(canary.vector), about)
+        with _writing(address):
+            database = _connect(address)
+            database.drop_table(CANARY, ignore_missing=True)  # of a creation that was cut short
+            second = database.create_table(CANARY, schema=schema)
+            second.add(to_rows([Entry(CANARY, "", canary)], schema))
+            # Last, so that an index that has its table of places is whole.
+            return cls(database.create_table(PLACES, schema=schema), second, address)
+
+    @classmethod
+    def open(cls, address: str) -> Store:
+        """Open an index.
+
+        Raises:
+            DatasetError: There is none.
+            SettingsError: LanceDB is not installed.
+        """
+        if not is_index(address):
+            message = (
+                f"{one_line(address)} is no place index; "
+                "make one: zeroscd index build PHOTOS -o PLACES"
+            )
+            raise DatasetError(message)
+        with _telling(f"cannot read the place index {one_line(address)}", DatasetError):
+            database = _connect(address)
+            return cls(database.open_table(PLACES), database.open_table(CANARY), address)
+
+    def __len__(self) -> int:
+        return int(self._table.count_rows())
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What was said when the index was made."""
+        return about_of(self._canary.schema)
+
+    @property
+    def canary(self) -> Place:
+        """The known photo as it was described when the index was made."""
+        return to_entry(self._canary.to_arrow().to_pylist()[0]).place
+
+    @property
+    def approximate(self) -> bool:
+        """Whether searches without a radius look at a part of the places only."""
+        return bool(list(self._table.list_indices()))
+
+    def known(self) -> dict[str, str]:
+        """Return the digest of every photo by path."""
+        columns = self._table.search().select(["path", "digest"]).limit(len(self)).to_arrow()
+        return dict(zip(*(columns[name].to_pylist() for name in ("path", "digest")), strict=True))
+
+    def put(self, entries: Sequence[Entry]) -> None:
+        """Add photos whose paths are not in it.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        with _writing(self._address):
+            self._table.add(to_rows(entries, self._table.schema))
+
+    def remove(self, paths: Sequence[str]) -> None:
+        """Take photos out; unknown paths are none of its business.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        with _writing(self._address):
+            for start in range(0, len(paths), PATHS_AT_ONCE):
+                listed = ", ".join(map(_quoted, paths[start : start + PATHS_AT_ONCE]))
+                self._table.delete(f"path IN ({listed})")
+
+    def remove_below(self, paths: Iterable[str | Path]) -> int:
+        """Take out photos, or all photos below folders; return how many there were.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        unwanted = [Path(path).absolute() for path in paths]
+        found = [
+            known
+            for known in self.known()
+            if any(Path(known).is_relative_to(path) for path in unwanted)
+        ]
+        self.remove(found)
+        return len(found)
+
+    def state(self) -> str:
+        """Return what changes whenever the entries do, and not when they are only tidied."""
+        return digest_values(self.known())
+
+    def info(self) -> dict[str, Any]:
+        """Return what there is to know about the index, as plain values."""
+        return {
+            "photos": len(self),
+            "search": "approximate" if self.approximate else "exact",
+            **self.about,
+        }
+
+    def tidy(self) -> None:
+        """Merge what many small additions left behind; make searches approximate past a size.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        with _writing(self._address):
+            if len(self) >= APPROXIMATE_FROM and not self.approximate:
+                from lancedb.index import IvfPq  # noqa: PLC0415 - as above
+
+                kind = IvfPq(distance_type="cosine", max_iterations=ROUNDS)
+                self._table.create_index("vector", config=kind)
+            self._table.optimize(cleanup_older_than=KEPT)
+
+    def nearest(
+        self, vector: NDArray[np.float32], count: int, *, nearby: Nearby | None = None
+    ) -> list[tuple[Entry, float]]:
+        """Return the entries most similar to a descriptor, each with its cosine, best first.
+
+        With a radius every place within it is compared, however large the index is.
+        """
+        if nearby is None:
+            return self._search(vector, count, where=None)
+        # The box around the circle is what the table can be asked for.
+        where, asked = _within(nearby), count
+        while True:
+            found = self._search(vector, asked, where=where)
+            near = [one for one in found if _is_near(one[0], nearby)]
+            if len(near) >= count or len(found) < asked:
+                return near[:count]
+            asked *= 2
+
+    def _search(
+        self, vector: NDArray[np.float32], count: int, *, where: str | None
+    ) -> list[tuple[Entry, float]]:
+        # Typed as any query; with a vector it is one that knows distances and indices.
+        search: Any = self._table.search(vector, vector_column_name="vector")
+        search = search.distance_type("cosine").select([*COLUMNS, "_distance"]).limit(count)
+        if where is not None:
+            search = search.where(where).bypass_vector_index()
+        else:
+            search = search.nprobes(PROBES).refine_factor(REFINE)
+        return [(to_entry(row), 1.0 - float(row["_distance"])) for row in search.to_list()]
+
+
+def is_index(address: str) -> bool:
+    """Say whether there is a place index at an address.
+
+    Raises:
+        SettingsError: LanceDB is not installed.
+        DatasetError: The object store cannot be asked.
+    """
+    if "://" not in address and not (Path(address) / f"{PLACES}.lance").is_dir():
+        return False  # without asking LanceDB, which would make the folder
+    with _telling(f"cannot read the place index {one_line(address)}", DatasetError):
+        return PLACES in _connect(address).list_tables().tables
+
+
+def _connect(address: str) -> Any:  # noqa: ANN401 - LanceDB's connection, imported when needed
+    if find_spec("lancedb") is None:
+        message = "place indexes need LanceDB; run: pip install 'zeroscd[places]'"
+        raise SettingsError(message)
+    import lancedb  # noqa: PLC0415 - a second; only place indexes need it
+
+    return lancedb.connect(address)
+
+
+def _writing(address: str) -> AbstractContextManager[None]:
+    return _telling(f"cannot write the place index {one_line(address)}", OutputError)
+
+
+@contextmanager
+def _telling(what: str, kind: type[ZeroscdError]) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, RuntimeError, ValueError) as error:  # a disk or network, as LanceDB puts it
+        reason = (str(error).splitlines() or [repr(error)])[0]
+        message = f"{what}: {reason}"
+        raise kind(message) from error
+
+
+def _within(nearby: Nearby) -> str:
+    south, north, west, east = box_around(nearby.centre, nearby.radius_m)
+    joined = "AND" if west <= east else "OR"
+    return (
+        f"latitude BETWEEN {south!r} AND {north!r} "
+        f"AND (longitude >= {west!r} {joined} longitude <= {east!r})"
+    )
+
+
+def _is_near(entry: Entry, nearby: Nearby) -> bool:
+    gps = entry.place.exif.gps
+    return gps is not None and metres(gps, nearby.centre) <= nearby.radius_m
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"

@@ -1,0 +1,1 @@
+"""The method behind HTTP: a page for people, an interface for programs."""

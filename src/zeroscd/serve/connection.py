@@ -1,0 +1,64 @@
+"""HTTP connections that do not wait for ever for somebody to say what they want."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+if TYPE_CHECKING:
+    import asyncio
+
+HEAD_SECONDS = 10.0  # for the lines of a request before its body
+
+
+class PatientConnection(H11Protocol):
+    """Uvicorn's connection with a time limit for the head of each request.
+
+    Uvicorn limits only the pause between requests; somebody who sends one letter a second would
+    hold a connection for ever.
+    """
+
+    _timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to wait for the first request."""
+        super().connection_made(transport)
+        self._wait_for_head()
+
+    def data_received(self, data: bytes) -> None:
+        """Go on waiting until the head is complete."""
+        super().data_received(data)
+        if self.conn.their_state is not h11.IDLE:
+            self._stop_waiting()
+        elif self._timer is None:
+            self._wait_for_head()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Stop waiting."""
+        self._stop_waiting()
+        super().connection_lost(exc)
+
+    def _wait_for_head(self) -> None:
+        self._timer = self.loop.call_later(HEAD_SECONDS, self._lose_patience)
+
+    def _stop_waiting(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _lose_patience(self) -> None:
+        self._timer = None
+        if self.transport.is_closing() or self.conn.our_state is not h11.IDLE:
+            return
+        status = HTTPStatus.REQUEST_TIMEOUT
+        headers = [(b"connection", b"close"), (b"content-length", b"0")]
+        events: list[Any] = [
+            h11.Response(status_code=status, headers=headers, reason=status.phrase.encode()),
+            h11.EndOfMessage(),
+        ]
+        for event in events:
+            self.transport.write(self.conn.send(event) or b"")
+        self.transport.close()

@@ -1,0 +1,44 @@
+"""What those who watch over the server ask: does it live, may it get work, what has it done?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fastapi import APIRouter, Response
+
+from zeroscd.serve.metrics import MEDIA_TYPE
+from zeroscd.serve.problems import Kind, Problem, described
+from zeroscd.serve.schemas import Health
+
+if TYPE_CHECKING:
+    from zeroscd.serve.service import Service
+
+
+def router(service: Service) -> APIRouter:
+    """Return the routes of a service."""
+    routes = APIRouter(tags=["watching"])
+
+    @routes.get("/healthz", response_model=Health)
+    async def alive() -> Health:
+        """Say that the process lives and its event loop turns."""
+        return Health(status="ok")
+
+    @routes.get("/readyz", response_model=Health, responses=described(503))
+    async def ready() -> Health:
+        """Say whether there is room for work; the models are loaded before anything is answered."""
+        try:
+            service.worker.admit()
+        except Problem as problem:
+            raise Problem(Kind.NOT_READY, str(problem.detail), headers=problem.headers) from None
+        return Health(status="ok")
+
+    @routes.get(
+        "/metrics",
+        response_class=Response,
+        responses={200: {"content": {MEDIA_TYPE: {"schema": {"type": "string"}}}}},
+    )
+    async def metrics() -> Response:
+        """Return counters and times as Prometheus reads them."""
+        return Response(service.metrics.text(), headers={"Content-Type": MEDIA_TYPE})
+
+    return routes

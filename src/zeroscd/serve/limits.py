@@ -1,0 +1,59 @@
+"""What a server takes, keeps and waits for at most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from zeroscd.images.read import PhotoLimits
+
+MEGA = 1_000_000
+FORM_BYTES = 1 * MEGA  # room for the other fields of a form
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Every bound of the server; a request beyond one gets a 4xx answer that names it.
+
+    Attributes:
+        photo_bytes: Size of one uploaded file.
+        photo_pixels: Width times height, read from the header before anything is decoded.
+        jpeg_scans: Passes over the picture that a JPEG may ask of its decoder. Cameras write 1,
+            the web about 10; thousands of empty ones are an old way to keep a server busy.
+        waiting: Requests that may wait for the one worker; more get 429.
+        upload_seconds: For the whole body of a request to arrive.
+        answer_seconds: From the last byte of a request to its answer.
+        job_pairs: Pairs in one job.
+        job_bytes: Photos of one job together.
+        stored_pairs: Pairs of all jobs that are kept or wait; more get 429.
+        stored_bytes: What all jobs may hold together on disk; more get 429.
+        keep_job_seconds: From when a job was sent until it and its results are forgotten.
+        keep_page_seconds: From the last use of a photo or result of the page, likewise.
+        page_bytes: Memory for the photos and results of all visitors of the page together.
+    """
+
+    photo_bytes: int = 25 * MEGA
+    photo_pixels: int = 25 * MEGA
+    jpeg_scans: int = 64
+    waiting: int = 16
+    upload_seconds: float = 30.0
+    answer_seconds: float = 90.0
+    job_pairs: int = 50
+    job_bytes: int = 200 * MEGA
+    stored_pairs: int = 1000
+    stored_bytes: int = 4000 * MEGA
+    keep_job_seconds: float = 24 * 3600.0
+    keep_page_seconds: float = 15 * 60.0
+    page_bytes: int = 600 * MEGA
+
+    @property
+    def photo(self) -> PhotoLimits:
+        """The same for the reader of photos."""
+        return PhotoLimits(max_pixels=self.photo_pixels, max_file_bytes=self.photo_bytes)
+
+    def body_bytes(self, path: str) -> int:
+        """Return how large the body of a request to this path may be."""
+        return {
+            "/v1/detect": 2 * self.photo_bytes + FORM_BYTES,
+            "/v1/jobs": self.job_bytes + FORM_BYTES,
+            "/pagedata/photos": self.photo_bytes,
+        }.get(path, FORM_BYTES)

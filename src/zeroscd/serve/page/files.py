@@ -1,0 +1,75 @@
+"""Pictures and downloads of a kept comparison, by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from zeroscd.export import files as export
+from zeroscd.export import heat
+from zeroscd.export.overlay import UNKNOWN_RGB, hatching
+from zeroscd.export.pictures import jpeg, png
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from zeroscd.serve.page.kept import Kept
+
+PHOTO_QUALITY = 85
+HATCH_ALPHA = 200  # 0..255: the photo shines through a little
+
+
+@dataclass(frozen=True, slots=True)
+class PageFile:
+    """A file that is made when it is asked for.
+
+    Attributes:
+        media_type: Of its content.
+        content: Makes it.
+        label: Of its download link; empty for pictures that the page itself shows.
+    """
+
+    media_type: str
+    content: Callable[[Kept], bytes]
+    label: str = ""
+
+
+def _heat(kept: Kept) -> bytes:
+    view = kept.view
+    end = heat.scale_end(view.heatmap)
+    colours = heat.colourise(view.heatmap, unknown=view.unknown, end=end)
+    return jpeg(colours, quality=PHOTO_QUALITY)
+
+
+def _hatch(kept: Kept) -> bytes:
+    layer = np.zeros((*kept.view.size_hw, 4), np.uint8)
+    layer[hatching(kept.view.unknown)] = (*UNKNOWN_RGB, HATCH_ALPHA)
+    return png(layer)
+
+
+def _download(name: str, media_type: str, label: str) -> PageFile:
+    render = export.FILES[name][1]
+    return PageFile(media_type, lambda kept: render(kept.result), label)
+
+
+PICTURES: dict[str, PageFile] = {
+    "before.jpg": PageFile(
+        "image/jpeg", lambda kept: jpeg(kept.view.before, quality=PHOTO_QUALITY)
+    ),
+    "after.jpg": PageFile("image/jpeg", lambda kept: jpeg(kept.view.after, quality=PHOTO_QUALITY)),
+    "heat.jpg": PageFile("image/jpeg", _heat),
+    "hatch.png": PageFile("image/png", _hatch),
+}
+DOWNLOADS: dict[str, PageFile] = {
+    export.FILES[name][0]: _download(name, media_type, label)
+    for name, media_type, label in (
+        ("mask", "image/png", "Mask (PNG)"),
+        ("overlay", "image/png", "Overlay (PNG)"),
+        ("report", "text/html", "Report (HTML)"),
+        ("json", "application/json", "Data (JSON)"),
+        ("coco", "application/json", "COCO (JSON)"),
+    )
+}
+FILES = {**PICTURES, **DOWNLOADS}

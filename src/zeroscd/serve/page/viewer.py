@@ -1,0 +1,104 @@
+"""A kept comparison as HTML: pictures over each other, a table of regions, links to files."""
+
+from __future__ import annotations
+
+from functools import cache
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import TYPE_CHECKING
+
+from zeroscd.export import heat, regions, words
+from zeroscd.serve import page
+from zeroscd.serve.page.files import DOWNLOADS
+
+if TYPE_CHECKING:
+    from zeroscd.result import ChangeResult, Region
+    from zeroscd.serve.page.kept import Kept
+
+ROWS = ("top", "middle", "bottom")
+COLUMNS = ("left", "centre", "right")
+MOST_SHOWN = regions.MOST_SHOWN  # rows of the table; the data holds all
+
+
+@cache
+def asset(name: str) -> str:
+    """Return one of the page's own files as text."""
+    return files(page).joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def render(kept: Kept, name: str) -> str:
+    """Write a comparison as a piece of HTML.
+
+    Args:
+        kept: What is shown.
+        name: Under which it is kept; part of the addresses of its pictures.
+    """
+    result, view = kept.result, kept.view
+    height, width = view.size_hw
+    end = heat.scale_end(view.heatmap)
+    return Template(asset("viewer.html")).substitute(
+        at=f"/pagedata/results/{name}/{kept.version}",
+        width=width,
+        height=height,
+        summary=escape(words.summary(result)).replace(" %", "&nbsp;%"),
+        warnings="".join(
+            f'<p class="z-warning" role="note">{escape(text)}</p>'
+            for text in words.warnings(result)
+        ),
+        shapes=regions.shapes(result.regions[:MOST_SHOWN], view),
+        chips=regions.chips(result.regions, view),
+        table=_table(result),
+        downloads=_downloads(f"/pagedata/results/{name}/{kept.version}"),
+        gradient=heat.css_gradient(),
+        scale_end=f"{end:.2f}",
+        alignment=escape(words.alignment_sentence(result)),
+        coverage=escape(words.coverage_sentence(result)),
+        seconds=f"{sum(result.seconds.values()):.1f}",
+    )
+
+
+def place(region: Region, size_hw: tuple[int, int]) -> str:
+    """Say in words where the middle of a region lies in its photo.
+
+    Args:
+        region: Whose bounding box counts.
+        size_hw: Of its photo.
+    """
+    x, y, w, h = region.bbox_xywh
+    row = ROWS[min(2, int(3 * (y + h / 2) / size_hw[0]))]
+    column = COLUMNS[min(2, int(3 * (x + w / 2) / size_hw[1]))]
+    return "centre" if (row, column) == ("middle", "centre") else f"{row} {column}"
+
+
+def _table(result: ChangeResult) -> str:
+    if not result.regions:
+        return '<p class="z-none">No region changed. A higher sensitivity finds weaker changes.</p>'
+    rows = "".join(_row(region, result) for region in result.regions[:MOST_SHOWN])
+    return (
+        f'<div class="z-scroll"><table><caption>{regions.title(result.regions)}: choose one to '
+        'see it in the picture</caption><thead><tr><th scope="col">Region</th>'
+        '<th scope="col">Change</th><th scope="col">Where</th><th scope="col">Area</th>'
+        f'<th scope="col">Score</th></tr></thead><tbody>{rows}</tbody></table></div>'
+    )
+
+
+def _row(region: Region, result: ChangeResult) -> str:
+    photo = result.before if region.frame == "t0" else result.after
+    share = region.area_px / (photo.size_hw[0] * photo.size_hw[1])
+    kind = region.kind
+    return (
+        f'<tr id="region-{region.id}" data-region="{region.id}">'
+        f'<td><button type="button" class="chip {kind}" aria-pressed="false" '
+        f'aria-label="Show region {region.id}, {kind}, in the picture">{region.id}</button></td>'
+        f'<th scope="row" class="{kind}">{regions.SIGNS[kind]} {kind}</th>'
+        f"<td>{place(region, photo.size_hw)}</td><td>{words.percent(share)}</td>"
+        f"<td>{region.score:.2f}</td></tr>"
+    )
+
+
+def _downloads(at: str) -> str:
+    return "".join(
+        f'<a class="z-button" href="{at}/{name}" download="{name}">{file.label}</a>'
+        for name, file in DOWNLOADS.items()
+    )

@@ -1,0 +1,162 @@
+"""Errors as problem documents (RFC 9457): one table of kinds, and how they become answers."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from zeroscd.errors import ImageError, SettingsError, ZeroscdError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from fastapi import FastAPI, Request
+
+MEDIA_TYPE = "application/problem+json"
+URN = "urn:zeroscd:problem:"
+
+
+class Kind(StrEnum):
+    """What may go wrong; `type` in the document is URN + kind."""
+
+    BAD_REQUEST = "bad-request"
+    NO_KEY = "no-key"
+    NOT_FOUND = "not-found"
+    WRONG_METHOD = "wrong-method"
+    NOT_ACCEPTABLE = "not-acceptable"
+    SLOW_UPLOAD = "slow-upload"
+    NOT_DONE = "not-done"
+    TOO_LARGE = "too-large"
+    UNKNOWN_FORMAT = "unknown-format"
+    BAD_FIELDS = "bad-fields"
+    BAD_PHOTO = "bad-photo"
+    BAD_SETTINGS = "bad-settings"
+    BUSY = "busy"
+    FAILED = "failed"
+    TOO_SLOW = "too-slow"
+    NOT_READY = "not-ready"
+
+
+# Status and title of each kind.
+KINDS: dict[Kind, tuple[int, str]] = {
+    Kind.BAD_REQUEST: (400, "The request cannot be understood"),
+    Kind.NO_KEY: (401, "This server asks for a key"),
+    Kind.NOT_FOUND: (404, "There is nothing here"),
+    Kind.WRONG_METHOD: (405, "This address does not answer that method"),
+    Kind.NOT_ACCEPTABLE: (406, "This answer exists as JSON and as PNG only"),
+    Kind.SLOW_UPLOAD: (408, "The request took too long to arrive"),
+    Kind.NOT_DONE: (409, "The pair has no result yet"),
+    Kind.TOO_LARGE: (413, "More bytes than this server takes"),
+    Kind.UNKNOWN_FORMAT: (415, "Not a JPEG, PNG or WebP file"),
+    Kind.BAD_FIELDS: (422, "A field is missing or wrong"),
+    Kind.BAD_PHOTO: (422, "The photo cannot be used"),
+    Kind.BAD_SETTINGS: (422, "The settings cannot be used"),
+    Kind.BUSY: (429, "Too much is waiting already"),
+    Kind.FAILED: (500, "The server made a mistake"),
+    Kind.TOO_SLOW: (503, "The answer took too long"),
+    Kind.NOT_READY: (503, "The server is not ready"),
+}
+
+
+class Problem(HTTPException):
+    """A request that gets no result; becomes a problem document.
+
+    Args:
+        kind: What went wrong; decides status and title.
+        detail: One plain sentence about this very request, with the remedy.
+        headers: Sent along.
+    """
+
+    def __init__(
+        self, kind: Kind, detail: str, *, headers: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(KINDS[kind][0], detail, headers)
+        self.kind = kind
+
+
+def problem_of(error: ZeroscdError) -> Problem:
+    """Return the problem that one of our own errors is for whoever sent the request."""
+    if isinstance(error, ImageError):
+        return Problem(Kind.BAD_PHOTO, str(error))
+    if isinstance(error, SettingsError):
+        return Problem(Kind.BAD_SETTINGS, str(error))
+    return Problem(Kind.FAILED, str(error))
+
+
+def document(problem: Problem) -> dict[str, Any]:
+    """Return the members of a problem document."""
+    status, title = KINDS[problem.kind]
+    return {
+        "type": f"{URN}{problem.kind}",
+        "title": title,
+        "status": status,
+        "detail": str(problem.detail),
+    }
+
+
+def answer(problem: Problem) -> JSONResponse:
+    """Turn a problem into a response."""
+    return JSONResponse(document(problem), problem.status_code, problem.headers, MEDIA_TYPE)
+
+
+def install(app: FastAPI) -> None:
+    """Make every error answer of an application a problem document."""
+
+    @app.exception_handler(HTTPException)
+    async def _http(_: Request, error: HTTPException) -> JSONResponse:
+        return answer(error if isinstance(error, Problem) else _from_framework(error))
+
+    @app.exception_handler(RequestValidationError)
+    async def _fields(_: Request, error: RequestValidationError) -> JSONResponse:
+        return answer(Problem(Kind.BAD_FIELDS, _sentences(error)))
+
+    @app.exception_handler(ZeroscdError)
+    async def _ours(_: Request, error: ZeroscdError) -> JSONResponse:
+        return answer(problem_of(error))
+
+    @app.exception_handler(Exception)
+    async def _mistake(_: Request, __: Exception) -> JSONResponse:
+        return answer(
+            Problem(Kind.FAILED, "this is our fault, not yours; the server's log says why")
+        )
+
+
+def described(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return the entries of an OpenAPI operation for problems with these statuses."""
+    return {status: _described(status) for status in statuses}
+
+
+def _described(status: int) -> dict[str, Any]:
+    kinds = [kind for kind, (of_kind, _) in KINDS.items() if of_kind == status]
+    examples = {
+        kind: {"value": document(Problem(kind, "What is wrong here, and what to do."))}
+        for kind in kinds
+    }
+    schema = {"$ref": "#/components/schemas/ProblemDocument"}
+    return {
+        "description": "; ".join(KINDS[kind][1] for kind in kinds),
+        "content": {MEDIA_TYPE: {"schema": schema, "examples": examples}},
+    }
+
+
+def _from_framework(error: HTTPException) -> Problem:
+    kinds = {status: kind for kind, (status, _) in reversed(KINDS.items())}
+    kind = kinds.get(error.status_code, Kind.BAD_REQUEST)
+    detail = str(error.detail)
+    if detail == HTTPStatus(error.status_code).phrase:
+        detail = "see /openapi.json for what is here"
+    return Problem(kind, detail, headers=error.headers)
+
+
+def _sentences(error: RequestValidationError) -> str:
+    """Name each field and what is wrong with it, without repeating what was sent."""
+    found = (
+        f"{'.'.join(str(part) for part in entry['loc'][1:]) or 'body'}: {entry['msg']}"
+        for entry in error.errors()
+    )
+    return "; ".join(found)

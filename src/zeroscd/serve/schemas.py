@@ -1,0 +1,151 @@
+"""The shapes of requests and answers, as the OpenAPI document shows them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=0)]
+FrameName = Literal["t0", "t1"]
+Point = Annotated[list[int], Field(min_length=2, max_length=2)]
+
+EXAMPLE: dict[str, JsonValue] = {
+    "schema": 1,
+    "before": {"path": None, "width": 768, "height": 640},
+    "after": {"path": None, "width": 768, "height": 640},
+    "frame": "t1",
+    "preset": "lite",
+    "settings": {"frame": "t1", "refine": {"alpha": 0.7}},
+    "alignment": {
+        "t1_from_t0": [[1.0, 0.0, 3.5], [0.0, 1.0, -2.0], [0.0, 0.0, 1.0]],
+        "inliers": 410,
+        "matches": 560,
+        "reason": None,
+    },
+    "changed_fraction": 0.031,
+    "regions": [
+        {
+            "id": 1,
+            "kind": "removed",
+            "score": 0.93,
+            "area_px": 6,
+            "bbox_xywh": [10, 20, 3, 2],
+            "polygon_xy": [[[10, 20], [12, 20], [12, 21], [10, 21]]],
+            "rle": {"size": [640, 768], "counts": "d^<2\\e0:0"},
+            "frame": "t0",
+        }
+    ],
+    "seconds": {"read": 0.02, "encode": 0.3, "align": 0.1},
+}
+
+
+class ProblemDocument(BaseModel):
+    """Why a request has no result (RFC 9457)."""
+
+    type: str = Field(examples=["urn:zeroscd:problem:bad-photo"])
+    title: str = Field(examples=["The photo cannot be used"])
+    status: int = Field(ge=400, le=599, examples=[422])
+    detail: str = Field(examples=["the photo before is damaged or cut short; copy it again"])
+
+
+class PhotoSize(BaseModel):
+    """A photo that was compared."""
+
+    path: None = Field(description="Always null: the name of an uploaded file is not looked at.")
+    width: int = Field(ge=1, examples=[768])
+    height: int = Field(ge=1, examples=[640])
+
+
+class AlignmentFound(BaseModel):
+    """How the two photos lie over each other."""
+
+    t1_from_t0: list[list[float]] | None = Field(
+        description="3 x 3 homography in pixels, or null where none can be trusted."
+    )
+    inliers: Count
+    matches: Count
+    reason: str | None = Field(description="Why the photos could not be aligned, or null.")
+
+
+class RunLengths(BaseModel):
+    """A mask as COCO writes it: compressed run lengths."""
+
+    size: list[int] = Field(min_length=2, max_length=2, examples=[[640, 768]])
+    counts: str
+
+
+class ChangedRegion(BaseModel):
+    """One changed object or part of one."""
+
+    id: int = Field(ge=1)
+    kind: Literal["removed", "added"]
+    score: Fraction
+    area_px: int = Field(ge=1)
+    bbox_xywh: list[int] = Field(min_length=4, max_length=4)
+    polygon_xy: list[list[Point]]
+    rle: RunLengths
+    frame: FrameName = Field(description="The photo in whose pixels the geometry is given.")
+
+
+class Changes(BaseModel):
+    """What changed between two photos, as in `changes.json`."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+    schema_version: Literal[1] = Field(alias="schema")
+    before: PhotoSize
+    after: PhotoSize
+    frame: FrameName
+    preset: str
+    settings: dict[str, Any]
+    alignment: AlignmentFound
+    changed_fraction: Fraction = Field(description="Of what both photos show.")
+    regions: list[ChangedRegion]
+    seconds: dict[str, Annotated[float, Field(ge=0)]]
+
+
+class PresetShown(BaseModel):
+    """A bundle of models and settings that this server has loaded."""
+
+    name: str = Field(examples=["lite"])
+    default: bool
+    settings: dict[str, Any]
+
+
+class Presets(BaseModel):
+    """What `preset` and `settings` of a request may name."""
+
+    presets: list[PresetShown]
+    thresholds: list[str] = Field(
+        description="Settings that a request may change.", examples=[["alpha", "tau"]]
+    )
+
+
+class PairShown(BaseModel):
+    """Where one pair of a job stands."""
+
+    number: Count
+    status: Literal["waiting", "running", "done", "failed"]
+    problem: str | None = Field(description="Why it failed, or null.")
+    result: str | None = Field(description="Address of the result once it is done, or null.")
+
+
+class JobShown(BaseModel):
+    """Where a job stands."""
+
+    id: str = Field(examples=["Vv3nO1kq0iE9yq0xU7bN3w"])
+    status: Literal["waiting", "running", "done"] = Field(
+        description="done: every pair is done or failed."
+    )
+    preset: str = Field(examples=["lite"])
+    created: str = Field(description="UTC.", examples=["2026-11-22T09:30:00Z"])
+    expires: str = Field(description="UTC; then job and results are forgotten.")
+    pairs: list[PairShown]
+
+
+class Health(BaseModel):
+    """A sign of life."""
+
+    status: Literal["ok"]

@@ -1,0 +1,121 @@
+"""The page of a survey: where what changed, worst first, with a map and filters."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from dataclasses import dataclass
+from functools import cache
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+from zeroscd import __version__
+from zeroscd.survey.cards import card
+from zeroscd.survey.map import draw_map
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from zeroscd.survey.findings import Finding
+    from zeroscd.survey.sighting import Sighting
+    from zeroscd.survey.thumbs import Thumb
+
+MOST_CARDS = 1000  # places on the page; all are in the tables
+MOST_LISTED = 2000  # photos without a comparison, named one by one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Content:
+    """What the page shows.
+
+    Attributes:
+        cards: The worst pairs, worst first.
+        thumbs: Pictures before and after, by name of the pair.
+        sightings: Of all new photos, in the order of the manifest.
+        failures: Rows of `pairs.parquet` that could not be compared.
+        reports: Names of pairs that have a report of their own.
+        everything: Number of compared pairs.
+    """
+
+    cards: Sequence[Finding]
+    thumbs: Mapping[str, tuple[Thumb, Thumb]]
+    sightings: Sequence[Sighting]
+    failures: Sequence[Mapping[str, Any]]
+    reports: frozenset[str]
+    everything: int
+
+
+def render_page(content: Content) -> str:
+    """Write the page; it loads thumbnails from beside it and nothing from anywhere else."""
+    changed = [one for one in content.cards if one.changes]
+    script = _asset("survey", "survey.js")
+    parts = {
+        "title": escape(_headline(content, changed)),
+        "summary": escape(_summary(content)),
+        "map": draw_map(changed),
+        "cards": "\n".join(
+            card(
+                rank,
+                finding,
+                content.thumbs[finding.name],
+                sighting=content.sightings[finding.pair["row"] - 1],
+                linked=finding.name in content.reports,
+            )
+            for rank, finding in enumerate(changed, 1)
+        )
+        or '<li class="none">Nothing changed anywhere.</li>',
+        "count": str(len(changed)),
+        "listed": _listed(content.failures),
+        "failures": str(len(content.failures)),
+        "style": _asset("export", "report.css") + _asset("survey", "survey.css"),
+        "script": script,
+        # Only this very script may run in the page, whatever a file name holds.
+        "script_sha256": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        "version": __version__,
+    }
+    return Template(_asset("survey", "survey.html")).substitute(parts)
+
+
+def _headline(content: Content, changed: Sequence[Finding]) -> str:
+    more = len(content.cards) == MOST_CARDS and content.everything > MOST_CARDS
+    worst = "The worst " if more else ""
+    return f"{worst}{_counted(len(changed), 'place')} changed of {content.everything} compared"
+
+
+def _summary(content: Content) -> str:
+    unmatched = sum(one.old is None for one in content.sightings)
+    regions = sum(len(one.changes) for one in content.cards)
+    text = (
+        f"{_counted(len(content.sightings), 'new photo')}, {_counted(regions, 'changed region')}."
+    )
+    if unmatched:
+        text += f" Without an old photo of the same place: {unmatched}; listed below."
+    return text
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _listed(failures: Sequence[Mapping[str, Any]]) -> str:
+    rows = "\n".join(
+        f"<tr><td>{escape(str(row['after'] or row['id']))}</td>"
+        f"<td>{escape(str(row['error']))}</td></tr>"
+        for row in failures[:MOST_LISTED]
+    )
+    if not failures:
+        return '<p class="none">Every new photo was compared with an old one.</p>'
+    more = len(failures) - MOST_LISTED
+    rest = f"<p>And {more} more; see pairs.parquet.</p>" if more > 0 else ""
+    return (
+        '<div class="scroll"><table><thead><tr><th scope="col">New photo</th>'
+        f'<th scope="col">Why it was not compared</th></tr></thead><tbody>{rows}</tbody></table>'
+        f"</div>{rest}"
+    )
+
+
+@cache
+def _asset(part: str, name: str) -> str:
+    return files("zeroscd").joinpath(part, "assets", name).read_text(encoding="utf-8")

@@ -1,0 +1,101 @@
+"""What a survey leaves to read: GeoJSON, a COCO file, thumbnails and one page."""
+
+from __future__ import annotations
+
+import json
+from heapq import nlargest
+from typing import TYPE_CHECKING
+
+from zeroscd.errors import OutputError
+from zeroscd.export.coco import MarkedPhoto, coco
+from zeroscd.export.folder import REPORT
+from zeroscd.export.geojson import feature, geojson_lines
+from zeroscd.result import Region
+from zeroscd.survey.findings import read_failures, read_findings
+from zeroscd.survey.page import MOST_CARDS, Content, render_page
+from zeroscd.survey.thumbs import draw_thumbs
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+    from typing import Any
+
+    from zeroscd.survey.findings import Finding
+    from zeroscd.survey.sighting import Sighting
+
+GEOJSON, COCO = "changes.geojson", "coco.json"
+
+
+def write_reports(folder: Path, sightings: Sequence[Sighting]) -> Path:
+    """Write all of it beside the tables of a batch, and return where the page lies.
+
+    Args:
+        folder: Holds `pairs.parquet` and `changes.parquet`.
+        sightings: In the order of the batch's manifest.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    try:
+        _write(folder / GEOJSON, geojson_lines(_features(folder)))
+        _write(folder / COCO, _coco_text(folder))
+        worst = nlargest(MOST_CARDS, read_findings(folder), key=lambda one: one.severity)
+        thumbs = draw_thumbs(worst, folder)
+        content = Content(
+            cards=worst,
+            thumbs=thumbs,
+            sightings=sightings,
+            failures=tuple(read_failures(folder)),
+            reports=frozenset(one.name for one in worst if (folder / one.name / REPORT).exists()),
+            everything=sum(1 for _ in read_findings(folder)),
+        )
+        _write(folder / REPORT, [render_page(content).encode("utf-8", "replace")])
+    except OSError as error:
+        message = f"cannot write {folder}: {error.strerror or error}; make room or choose -o"
+        raise OutputError(message) from error
+    return folder / REPORT
+
+
+def _features(folder: Path) -> Iterator[dict[str, Any]]:
+    for finding in read_findings(folder):
+        page = f"{finding.name}/{REPORT}"
+        links = {"report": page} if (folder / page).exists() else {}
+        for change in finding.changes:
+            yield feature(change, finding.pair, links=links)
+
+
+def _coco_text(folder: Path) -> Iterator[bytes]:
+    photos = (photo for finding in read_findings(folder) for photo in _marked(finding))
+    yield (json.dumps(coco(photos), allow_nan=False) + "\n").encode("ascii")
+
+
+def _marked(finding: Finding) -> Iterator[MarkedPhoto]:
+    """Yield both photos as far as they show a change: the tables know no others' sizes."""
+    for frame, column in (("t0", "before"), ("t1", "after")):
+        own = [change for change in finding.changes if change["frame"] == frame]
+        if own:
+            size_hw = own[0]["height"], own[0]["width"]
+            regions = [_region(change) for change in own]
+            yield MarkedPhoto(file_name=str(finding.pair[column]), size_hw=size_hw, regions=regions)
+
+
+def _region(change: Mapping[str, Any]) -> Region:
+    x, y, width, height = change["bbox_xywh"]
+    return Region(
+        id=change["region"],
+        kind=change["kind"],
+        score=change["score"],
+        frame=change["frame"],
+        area_px=change["area_px"],
+        bbox_xywh=(x, y, width, height),
+        polygon_xy=tuple(tuple((x, y) for x, y in ring) for ring in change["polygon_xy"]),
+        rle={"size": [change["height"], change["width"]], "counts": change["rle"]},
+    )
+
+
+def _write(path: Path, parts: Iterable[bytes]) -> None:
+    """Write a file whole or not at all."""
+    passing = path.with_name(f".{path.name}.part")
+    with passing.open("wb") as file:
+        file.writelines(parts)
+    passing.replace(path)

@@ -1,0 +1,66 @@
+"""Small pictures of both photos of a pair, for the page to load when they come into view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from zeroscd.batch.address import Fetcher
+from zeroscd.errors import ImageError
+from zeroscd.export.pictures import jpeg
+from zeroscd.images.read import read_photo
+from zeroscd.images.working import resize
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from zeroscd.survey.findings import Finding
+
+FOLDER = "thumbs"
+LONGEST_PX = 480  # twice what a card shows on a phone: sharp there, small enough for a thousand
+QUALITY = 72
+TIMEOUT_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Thumb:
+    """A small picture.
+
+    Attributes:
+        file: Relative to the page; None if the photo cannot be read any more.
+        size_hw: Height and width of the photo itself, in whose pixels outlines are given.
+    """
+
+    file: str | None
+    size_hw: tuple[int, int]
+
+
+def draw_thumbs(findings: Iterable[Finding], folder: Path) -> dict[str, tuple[Thumb, Thumb]]:
+    """Write thumbnails of the photos before and after of each pair; by name of the pair.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    (folder / FOLDER).mkdir(exist_ok=True)
+    fetch = Fetcher(TIMEOUT_S)
+    return {
+        finding.name: (
+            _draw(
+                str(finding.pair["before"]), f"{FOLDER}/{finding.name}-before.jpg", folder, fetch
+            ),
+            _draw(str(finding.pair["after"]), f"{FOLDER}/{finding.name}-after.jpg", folder, fetch),
+        )
+        for finding in findings
+    }
+
+
+def _draw(address: str, file: str, folder: Path, fetch: Fetcher) -> Thumb:
+    try:
+        photo = read_photo(fetch(address))
+    except ImageError:  # it was there when it was compared; the page can do without
+        return Thumb(None, (3, 4))
+    scale = min(1.0, LONGEST_PX / max(photo.size_hw))
+    height, width = (max(1, round(side * scale)) for side in photo.size_hw)
+    (folder / file).write_bytes(jpeg(resize(photo.pixels, (height, width)), quality=QUALITY))
+    return Thumb(file, photo.size_hw)

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import fsspec
+import pytest
+from fsspec.implementations.memory import MemoryFileSystem
+
+from zeroscd.batch import address
+from zeroscd.batch.address import Fetcher, resolve
+from zeroscd.errors import ImageError
+from zeroscd.images.read import PhotoLimits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+WAIT_S, MUCH_S = 0.1, 5.0
+
+
+class Refused(Exception):  # noqa: N818 - a foreign library's
+    """Not an OSError, as the errors of object stores are."""
+
+
+class OddFileSystem(MemoryFileSystem):  # type: ignore[misc]
+    """Files that never come, or that come with an odd exception."""
+
+    protocol = "odd"
+    store: dict[str, Any] = {}  # noqa: RUF012 - as its parent has it
+    release = threading.Event()
+
+    def _open(self, path: str, *args: object, **kwargs: object) -> Any:
+        if "hang" in path:
+            self.release.wait(MUCH_S)
+        message = "403\n  forbidden"
+        raise Refused(message)
+
+
+@pytest.fixture(autouse=True)
+def odd() -> Iterator[None]:
+    OddFileSystem.release.clear()
+    fsspec.register_implementation("odd", OddFileSystem, clobber=True)
+    yield
+    OddFileSystem.release.set()
+
+
+@pytest.mark.parametrize(
+    ("written", "base", "expected"),
+    [
+        ("new/a.jpg", "manifests", "manifests/new/a.jpg"),
+        ("/data/a.jpg", "manifests", "/data/a.jpg"),
+        ("new/a.jpg", "s3://bucket/x/", "s3://bucket/x/new/a.jpg"),
+        ("gs://other/a.jpg", "s3://bucket/x", "gs://other/a.jpg"),
+        ("http://host/a.jpg", "manifests", "http://host/a.jpg"),
+    ],
+)
+def test_an_address_is_relative_to_where_the_manifest_lies(
+    written: str, base: str, expected: str
+) -> None:
+    assert resolve(written, base=base) == expected
+
+
+def test_local_and_remote_files_come_as_their_bytes(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(b"here")
+    with fsspec.open("memory://photos/a.jpg", "wb") as file:
+        file.write(b"there")
+    fetch = Fetcher(MUCH_S)
+    assert fetch(str(tmp_path / "a.jpg")) == b"here"
+    assert fetch("memory://photos/a.jpg") == b"there"
+
+
+def test_a_file_too_large_is_not_read_to_its_end() -> None:
+    with fsspec.open("memory://photos/large.jpg", "wb") as file:
+        file.write(bytes(1000))
+    limits = PhotoLimits(max_file_bytes=10)
+    assert len(Fetcher(MUCH_S, limits=limits)("memory://photos/large.jpg")) == 11
+
+
+def test_a_file_that_never_comes_is_given_up_in_time() -> None:
+    began = time.monotonic()
+    with pytest.raises(ImageError, match=r"odd://hang/a.jpg did not answer within 0.1 s; .*--tim"):
+        Fetcher(WAIT_S)("odd://hang/a.jpg")
+    assert time.monotonic() - began < MUCH_S / 2
+
+
+def test_requests_that_hang_are_bounded_in_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(address, "MOST_REQUESTS", 3)
+    fetch, before = Fetcher(WAIT_S), set(threading.enumerate())
+    for number in range(6):
+        with pytest.raises(ImageError, match="did not answer"):
+            fetch(f"odd://hang/{number}.jpg")
+    assert len(set(threading.enumerate()) - before) == 3
+    OddFileSystem.release.set()
+    give_up = time.monotonic() + MUCH_S
+    while set(threading.enumerate()) - before and time.monotonic() < give_up:
+        time.sleep(0.01)
+    with pytest.raises(ImageError, match="Refused"):  # the places are free again
+        fetch("odd://a.jpg")
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ("odd://a.jpg", r"^odd://a.jpg cannot be read \(Refused: 403 forbidden\); check the "),
+        ("memory://photos/none.jpg", r"^memory://photos/none.jpg does not exist; check the "),
+        ("nonsense://a.jpg", r"^nonsense://a.jpg cannot be read \(ValueError: Protocol not known"),
+    ],
+)
+def test_whatever_goes_wrong_is_one_line_with_the_address(where: str, message: str) -> None:
+    with pytest.raises(ImageError, match=message) as caught:
+        Fetcher(MUCH_S)(where)
+    assert "\n" not in str(caught.value)

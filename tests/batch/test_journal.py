@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from zeroscd.batch.journal import FILE, Journal
+from zeroscd.batch.task import Outcome, Row, Task
+from zeroscd.errors import OutputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+HELD = """
+import sys, time
+from pathlib import Path
+from zeroscd.batch.journal import Journal
+from zeroscd.batch.task import Row
+journal = Journal(Path(sys.argv[1]))
+journal.begin([Row(before="b", after="a", id="x")])
+print("held", flush=True)
+time.sleep(60)
+"""
+
+
+def rows(*ids: str | None) -> Iterator[Row]:
+    return (Row(before=f"old/{n}.jpg", after=f"new/{n}.jpg", id=i) for n, i in enumerate(ids))
+
+
+def tasks(journal: Journal, folder: Path, *files: str) -> list[Task]:
+    return list(journal.tasks(base="base", folder=folder, files=files))
+
+
+def names(out: Path, *ids: str | None) -> list[str]:
+    with Journal(out) as journal:
+        journal.begin(rows(*ids))
+        return [task.name for task in tasks(journal, out)]
+
+
+def done(task: Task, key: str = "k", **more: object) -> Outcome:
+    pair = {"regions": 1, "aligned": True}
+    changes = ({"region": 1, "score": 0.1 + 0.2},)
+    return Outcome(row=task.row, name=task.name, key=key, pair=pair, changes=changes, seconds=1.5)
+
+
+def test_every_row_has_a_name_of_its_own(tmp_path: Path) -> None:
+    assert names(tmp_path, "elm", "oak", "elm", "elm-2", "elm", "ELM", None) == [
+        "elm", "oak", "elm-2", "elm-2-2", "elm-3", "ELM-4", "6",
+    ]  # fmt: skip
+
+
+def test_names_follow_the_manifest_and_not_earlier_runs(tmp_path: Path) -> None:
+    first = names(tmp_path, "elm", "elm", FILE)
+    assert first == ["elm", "elm-2", f"{FILE}-2"]
+    assert names(tmp_path, "elm", "elm", FILE) == first
+    assert names(tmp_path, "elm") == ["elm"]
+
+
+def test_many_rows_of_one_id_are_named_in_order(tmp_path: Path) -> None:
+    # More than one chunk of rows, too.
+    assert names(tmp_path, *["elm"] * 1201) == ["elm", *(f"elm-{n}" for n in range(2, 1202))]
+
+
+def test_what_was_settled_comes_back_in_the_manifests_order(tmp_path: Path) -> None:
+    with Journal(tmp_path) as journal:
+        assert journal.begin([*rows("a", "b"), Row(error="broken row"), *rows("d")]) == 4
+        assert journal.unsettled() == 3
+        a, b, d = tasks(journal, tmp_path)
+        assert d == Task(row=4, name="d", before="base/old/0.jpg", after="base/new/0.jpg")
+        journal.settle(done(d))
+        journal.settle(Outcome(row=b.row, name="b", error="no photo"))
+        journal.settle(done(a))
+        assert journal.unsettled() == 0
+        found = list(journal.pair_rows())
+        assert [(row["row"], row["pair"], row["status"]) for row in found] == [
+            (1, "a", "ok"),
+            (2, "b", "error"),
+            (3, "pair", "error"),
+            (4, "d", "ok"),
+        ]
+        assert [row["error"] for row in found] == [None, "no photo", "broken row", None]
+        assert found[0]["aligned"] is True
+        assert found[3]["seconds"] == 1.5
+        assert "seconds" not in found[1]
+        assert list(journal.change_rows()) == [
+            {"pair": name, "region": 1, "score": 0.1 + 0.2} for name in ("a", "d")
+        ]
+
+
+def test_a_pair_is_known_while_its_files_are_there(tmp_path: Path) -> None:
+    with Journal(tmp_path) as journal:
+        journal.begin(rows("a", "b"))
+        for task in tasks(journal, tmp_path):
+            journal.settle(done(task, key=f"key of {task.name}"))
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "mask.png").touch()
+    with Journal(tmp_path) as journal:
+        journal.begin(rows("b", "a"))
+        assert [task.known for task in tasks(journal, tmp_path)] == ["key of b", "key of a"]
+        assert [task.known for task in tasks(journal, tmp_path, "mask.png")] == [None, "key of a"]
+        assert [task.known for task in tasks(journal, tmp_path, "mask.png", "x")] == [None, None]
+
+
+def test_a_reused_pair_keeps_what_it_was_and_a_failed_one_shows_its_error(tmp_path: Path) -> None:
+    with Journal(tmp_path) as journal:
+        journal.begin(rows("a", "b"))
+        for task in tasks(journal, tmp_path):
+            journal.settle(done(task))
+        journal.begin(rows("a", "b"))
+        a, b = tasks(journal, tmp_path)
+        journal.settle(Outcome(row=a.row, name=a.name, key="k", reused=True))
+        journal.settle(Outcome(row=b.row, name=b.name, error="gone"))
+        first, second = journal.pair_rows()
+        assert (first["regions"], first["seconds"]) == (1, 1.5)
+        assert (second["status"], second["error"]) == ("error", "gone")
+        assert "regions" not in second
+        assert [row["pair"] for row in journal.change_rows()] == ["a"]
+
+
+def test_a_manifest_that_breaks_half_way_changes_nothing(tmp_path: Path) -> None:
+    def breaking() -> Iterator[Row]:
+        yield from rows("x", "y")
+        message = "half way"
+        raise ValueError(message)
+
+    with Journal(tmp_path) as journal:
+        journal.begin(rows("a"))
+        with pytest.raises(ValueError, match="half way"):
+            journal.begin(breaking())
+        assert [task.name for task in tasks(journal, tmp_path)] == ["a"]
+
+
+@pytest.mark.slow
+def test_two_batches_do_not_write_one_folder_and_a_killed_one_leaves_it_free(
+    tmp_path: Path,
+) -> None:
+    command = [sys.executable, "-c", HELD, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"held\n"
+        with pytest.raises(OutputError, match="another batch is writing into"):
+            Journal(tmp_path)
+        other.kill()
+        assert other.wait() == -signal.SIGKILL
+    assert names(tmp_path, "free") == ["free"]
+
+
+def test_a_journal_that_is_none_says_so(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_bytes(b"something else" * 100)
+    with pytest.raises(OutputError, match=r"journal\.sqlite \(file is not a database\)"):
+        Journal(tmp_path)

@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import fsspec
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from zeroscd.batch.manifest import open_folders, open_manifest
+from zeroscd.batch.task import Row
+from zeroscd.errors import DatasetError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+ROWS = [
+    Row(before="old/1.jpg", after="new/1.jpg", id="elm, 12"),
+    Row(before="old/2.jpg", after="new/2.jpg", id="7"),
+    Row(before="old/3.jpg", after="new/3.jpg"),
+    Row(before="old/4.jpg", error="the manifest says no after"),
+]
+CSV = """id,before,after,note
+"elm, 12",old/1.jpg,new/1.jpg,x
+7, old/2.jpg ,new/2.jpg,
+,old/3.jpg,new/3.jpg,
+,old/4.jpg,,
+"""
+VALUES: list[dict[str, Any]] = [
+    {"before": "old/1.jpg", "after": "new/1.jpg", "id": "elm, 12"},
+    {"before": "old/2.jpg", "after": "new/2.jpg", "id": 7},
+    {"before": "old/3.jpg", "after": "new/3.jpg", "id": None},
+    {"before": "old/4.jpg", "after": "", "id": float("nan")},
+]
+
+
+def test_csv_jsonl_and_parquet_say_the_same(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text(CSV)
+    (tmp_path / "m.jsonl").write_text("\n\n".join(map(json.dumps, VALUES)))
+    strings = [{**row, "id": None if i > 1 else str(row["id"])} for i, row in enumerate(VALUES)]
+    pq.write_table(pa.Table.from_pylist(strings), tmp_path / "m.parquet")
+    for name in ("m.csv", "m.jsonl", "m.parquet"):
+        manifest = open_manifest(tmp_path / name)
+        assert manifest.base == str(tmp_path)
+        assert list(manifest.rows()) == ROWS, name
+        assert list(manifest.rows()) == ROWS, name
+
+
+def test_numbers_of_a_parquet_column_are_ids(tmp_path: Path) -> None:
+    table = {"before": ["a.jpg", "b.jpg"], "after": ["c.jpg", "d.jpg"], "id": [12, None]}
+    pq.write_table(pa.table(table), tmp_path / "m.parquet")
+    assert [row.id for row in open_manifest(tmp_path / "m.parquet").rows()] == ["12", None]
+
+
+def test_a_spreadsheet_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_bytes(b"\xef\xbb\xbfbefore,after\r\na.jpg,b.jpg\r\n")
+    assert list(open_manifest(tmp_path / "m.csv").rows()) == [Row(before="a.jpg", after="b.jpg")]
+
+
+def test_a_line_that_is_no_json_object_is_a_row_with_its_number(tmp_path: Path) -> None:
+    (tmp_path / "m.jsonl").write_text('{"before": "a", "after": "b"}\n{"before": \n[1]\n')
+    first, *broken = open_manifest(tmp_path / "m.jsonl").rows()
+    assert first.error is None
+    assert [row.error for row in broken] == [
+        "line 2 of the manifest is not a JSON object",
+        "line 3 of the manifest is not a JSON object",
+    ]
+
+
+def test_a_manifest_may_lie_behind_an_address() -> None:
+    with fsspec.open("memory://city/2024/m.csv", "wt") as file:
+        file.write("before,after\nold/a.jpg,new/a.jpg\n")
+    manifest = open_manifest("memory://city/2024/m.csv")
+    assert manifest.base == "memory://city/2024"
+    assert list(manifest.rows()) == [Row(before="old/a.jpg", after="new/a.jpg")]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("m.csv", b"before;after\na;b\n", r"no column before and no column after \(found: before;"),
+        ("m.csv", b"", r"found: nothing"),
+        ("m.csv", b"before,after\n\xff\xfe,b\n", r"is not UTF-8 text; save it as UTF-8"),
+        ("m.parquet", b"no parquet", r"cannot read .*m\.parquet: "),
+        ("m.txt", b"", r"m\.txt is no manifest; give a \.csv"),
+    ],
+)
+def test_a_manifest_that_is_none_is_refused_at_once(
+    tmp_path: Path, name: str, content: bytes, message: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(DatasetError, match=message) as caught:
+        open_manifest(tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("address", ["none.csv", "memory://none.csv", "nonsense://m.csv"])
+def test_a_manifest_that_is_not_there_is_refused(tmp_path: Path, address: str) -> None:
+    where = address if "://" in address else tmp_path / address
+    with pytest.raises(DatasetError, match=f"cannot read .*{address}"):
+        open_manifest(where)
+
+
+def test_folders_are_joined_by_stem_and_nothing_is_left_out(tmp_path: Path) -> None:
+    files = {
+        "old": ["b.jpg", "a.PNG", "only old.jpg", "twice.jpg", "twice.png", "notes.txt", ".c.jpg"],
+        "new": ["a.jpg", "b.tif", "only new.jpg", "twice.jpg"],
+    }
+    for folder, names in files.items():
+        (tmp_path / folder).mkdir()
+        for name in names:
+            (tmp_path / folder / name).touch()
+    old, new = tmp_path / "old", tmp_path / "new"
+    rows = list(open_folders(old, new).rows())
+    assert rows[:2] == [
+        Row(before=f"{old}/a.PNG", after=f"{new}/a.jpg", id="a"),
+        Row(before=f"{old}/b.jpg", after=f"{new}/b.tif", id="b"),
+    ]
+    assert [(row.id, row.error) for row in rows[2:]] == [
+        ("only new", f"{old} has 0 photos called only new (none), not one"),
+        ("only old", f"{new} has 0 photos called only old (none), not one"),
+        ("twice", f"{old} has 2 photos called twice (twice.jpg, twice.png), not one"),
+    ]
+
+
+def test_folders_may_be_addresses() -> None:
+    for name in ("old/a.jpg", "new/a.png"):
+        with fsspec.open(f"memory://town/{name}", "wb") as file:
+            file.write(b"x")
+    (row,) = open_folders("memory://town/old", "memory://town/new").rows()
+    assert (row.before, row.after) == ("memory://town/old/a.jpg", "memory://town/new/a.png")
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r"cannot read .*none: No such file"):
+        open_folders(tmp_path, tmp_path / "none")

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from zeroscd.batch.views import Views, size_bytes
+from zeroscd.evidence import View
+from zeroscd.images.grid import PatchGrid
+from zeroscd.records import FeatureMap
+from zeroscd.result import Photo
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PIXELS = 4 * 4 * 3  # bytes
+DESCRIPTORS = 2 * 2 * 5 * 4
+
+
+@pytest.fixture
+def view() -> Callable[[], View]:
+    def make() -> View:
+        features = FeatureMap(
+            descriptors=np.zeros((2, 2, 5), np.float32),
+            grid=PatchGrid.covering((4, 4), size_hw=(2, 2)),
+        )
+        return View(Photo(pixels=np.zeros((4, 4, 3), np.uint8)), (features,))
+
+    return make
+
+
+def test_a_view_is_as_large_as_its_pixels_and_descriptors(view: Callable[[], View]) -> None:
+    assert size_bytes(view()) == PIXELS + DESCRIPTORS
+
+
+def test_the_view_not_used_for_longest_makes_room(view: Callable[[], View]) -> None:
+    views = Views(3 * size_bytes(view()) + 1)
+    for name in "abc":
+        views.put(name, view())
+    assert views.get("a") is not None  # used again: b is now the oldest
+    views.put("d", view())
+    assert {name for name in "abcd" if views.get(name)} == {"a", "c", "d"}
+
+
+def test_putting_one_twice_takes_its_room_once(view: Callable[[], View]) -> None:
+    views = Views(2 * size_bytes(view()))
+    for name in ("a", "a", "a", "b"):
+        views.put(name, view())
+    assert views.get("a") is not None
+    assert views.get("b") is not None
+
+
+def test_a_view_larger_than_the_cache_throws_nothing_out(view: Callable[[], View]) -> None:
+    small = view()
+    large = View(Photo(pixels=np.zeros((40, 40, 3), np.uint8)), ())
+    views = Views(size_bytes(small))
+    views.put("small", small)
+    views.put("large", large)
+    assert views.get("small") is small
+    assert views.get("large") is None
+    assert Views(0).get("small") is None

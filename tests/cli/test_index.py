@@ -1,0 +1,158 @@
+"""The commands of `zeroscd index`, with the toy encoder in place of the network."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from zeroscd.cli.main import run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from zeroscd.encoders.port import PatchEncoder
+
+pytest.importorskip("lancedb")
+
+
+@pytest.fixture(autouse=True)
+def no_network(monkeypatch: pytest.MonkeyPatch, toy_encoder: PatchEncoder) -> None:
+    monkeypatch.setattr("zeroscd.retrieval.index.load_encoder", lambda *_, **__: toy_encoder)
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    """A folder with three photos, one of them deeper down, and a file that is no photo."""
+    folder = tmp_path / "old"
+    (folder / "deep").mkdir(parents=True)
+    for seed, name in enumerate(["a.png", "b.png", "deep/c.png"]):
+        Image.fromarray(draw(seed)).save(folder / name)
+    (folder / "notes.txt").write_text("no photo")
+    return folder
+
+
+@pytest.fixture
+def places(old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    address = str(tmp_path / "places")
+    assert run(["index", "build", str(old), "-o", address]) == 0
+    capsys.readouterr()
+    return address
+
+
+def draw(seed: int) -> np.ndarray:
+    blocks = np.random.default_rng(seed).integers(0, 256, (24, 32, 3)).astype(np.uint8)
+    return np.repeat(np.repeat(blocks, 8, axis=0), 8, axis=1)
+
+
+def test_a_build_says_what_it_added_and_again_what_was_there(
+    old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    address = str(tmp_path / "places")
+    assert run(["index", "build", str(old), "-o", address]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "3 photos added, 0 replaced, 0 there already, 0 unreadable",
+        f"places: {address} (3 photos)",
+    ]
+    (old / "a.png").write_bytes(b"broken")
+    assert run(["index", "build", str(old), "-o", address]) == 0
+    captured = capsys.readouterr()
+    assert "0 photos added, 0 replaced, 2 there already, 1 unreadable" in captured.out
+    assert "warning: " in captured.err
+    assert "a.png" in captured.err
+
+
+def test_a_query_prints_the_best_photos_first(
+    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["index", "query", str(old / "b.png"), "--places", places, "-k", "2"]) == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"1. {old / 'b.png'} (score 1.00, ")
+    assert second.startswith("2. ")
+
+
+def test_a_query_as_json_is_for_programs(
+    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["index", "query", str(old / "b.png"), "--places", places, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [set(match) for match in found] == [
+        {"path", "score", "inliers", "similarity", "metres", "gps", "taken"}
+    ] * 3
+    assert found[0]["path"] == str(old / "b.png")
+    assert found[0]["score"] == pytest.approx(1.0)
+
+
+def test_a_radius_without_a_position_is_refused_and_with_one_finds_nothing(
+    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["index", "query", str(old / "b.png"), "--places", places, "--within", "50"]
+    assert run(command) == 2
+    assert "does not say where it was taken; give --at LAT,LON" in capsys.readouterr().err
+    assert run([*command, "--at", "52.1,4.3"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == "warning: no old photo within this distance\n"
+
+
+@pytest.mark.parametrize("text", ["here", "1", "91,0", "0,181", "nan,0", "1,2,3"])
+def test_a_position_is_latitude_and_longitude(
+    text: str, old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["index", "query", str(old / "b.png"), "--places", places, f"--at={text}"]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: --at needs latitude and longitude in degrees")
+    assert captured.err.count("\n") == 1
+
+
+def test_another_encoder_than_the_index_has_is_one_line(
+    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["index", "query", str(old / "b.png"), "--places", places]
+    assert run([*command, "--preset", "dinov2-b"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith("error: the place index was built with encoder lite, not dino")
+    assert run(["index", "build", str(old), "-o", places, "--set", "side_px=672"]) == 2
+    assert "built with side_px 416, not 672" in capsys.readouterr().err
+
+
+def test_photos_are_taken_out_by_folder(
+    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["index", "delete", str(old / "deep"), "--places", places]) == 0
+    assert capsys.readouterr().out == "taken out: 1; left: 2\n"
+    assert (old / "deep" / "c.png").exists()
+
+
+def test_info_tells_how_an_index_was_made(places: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["index", "info", "--places", places]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "photos: 3"
+    assert lines[1] == "search: exact"
+    assert any(line.startswith("settings: encoder lite, side_px 416") for line in lines)
+    assert run(["index", "info", "--places", places, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["photos"] == 3
+
+
+@pytest.mark.parametrize("command", [["info"], ["delete", "x.jpg"], ["query", "x.jpg"]])
+def test_without_an_index_one_learns_how_to_make_one(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["index", *command, "--places", str(tmp_path / "none")]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: ")
+    assert "is no place index; make one: zeroscd index build PHOTOS -o PLACES" in captured.err
+
+
+def test_a_folder_without_photos_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    assert run(["index", "build", str(tmp_path / "empty"), "-o", str(tmp_path / "places")]) == 2
+    assert "empty holds no photo" in capsys.readouterr().err
+    assert not (tmp_path / "places").exists()

@@ -1,0 +1,113 @@
+"""`zeroscd survey` with toy models in place of the networks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from zeroscd.cli.main import run
+from zeroscd.detector import Detector
+from zeroscd.models import Models
+from zeroscd.records import Segments
+from zeroscd.settings import Settings
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from zeroscd.arrays import Mask, Rgb
+    from zeroscd.encoders.port import PatchEncoder
+
+pytest.importorskip("lancedb")
+
+
+class NothingSegmenter:
+    """Sees no outlines."""
+
+    name = "toy"
+
+    def segment(self, photo: Rgb, features: object, *, where: Mask | None) -> Segments:
+        del features, where
+        return Segments(size_hw=photo.shape[:2], items=())
+
+
+@pytest.fixture(autouse=True)
+def no_network(monkeypatch: pytest.MonkeyPatch, toy_encoder: PatchEncoder) -> None:
+    detector = Detector(Settings(), Models(toy_encoder, NothingSegmenter()), preset="toy")
+    monkeypatch.setattr("zeroscd.retrieval.index.load_encoder", lambda *_, **__: toy_encoder)
+    monkeypatch.setattr(Detector, "from_preset", lambda *_, **__: detector)
+
+
+@pytest.fixture
+def command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    for folder, seeds in (("old", (1, 2)), ("new", (2, 3))):
+        (tmp_path / folder).mkdir()
+        for seed in seeds:
+            blocks = np.random.default_rng(seed).integers(0, 256, (24, 32, 3)).astype(np.uint8)
+            wall = np.repeat(np.repeat(blocks, 8, axis=0), 8, axis=1)
+            Image.fromarray(wall).save(tmp_path / folder / f"{seed}.png")
+    assert run(["index", "build", str(tmp_path / "old"), "-o", str(tmp_path / "places")]) == 0
+    capsys.readouterr()
+    places, out = str(tmp_path / "places"), str(tmp_path / "out")
+    return ["survey", str(tmp_path / "new"), "--places", places, "-o", out]
+
+
+def test_a_survey_says_what_it_found_and_where_the_report_is(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--least-score", "0.1", "--write", "none"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.splitlines() == [
+        "1 of 2 new photos have an old one of the same place",
+        "0 changed regions",
+        f"report: {tmp_path / 'out' / 'report.html'}",
+    ]
+    assert "warning: 1 new photos were not compared; the first: " in captured.err
+    assert "no old photo shows this place" in captured.err
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= {
+        "changes.parquet", "pairs.parquet", "changes.geojson", "coco.json", "report.html"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("extra", "line"),
+    [
+        (["--write", "everything"], "error: cannot write 'everything'; choose from"),
+        (["--set", "colour=red"], "error: unknown setting 'colour'"),
+        (["--preset", "huge"], "error: unknown preset 'huge'"),
+    ],
+)
+def test_what_cannot_work_is_refused_before_anything_is_done(
+    extra: list[str],
+    line: str,
+    command: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run([*command, *extra]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(line)
+    assert captured.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_an_index_one_learns_how_to_make_one(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command[3] = str(tmp_path / "none")
+    assert run(command) == 2
+    assert "is no place index; make one" in capsys.readouterr().err
+
+
+def test_a_stopped_survey_says_how_to_go_on(
+    command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("zeroscd.survey.run.sight", stop)
+    assert run(command) == 130
+    assert "warning: stopped; give the same command again to continue in" in capsys.readouterr().err

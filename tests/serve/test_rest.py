@@ -1,0 +1,202 @@
+from __future__ import annotations
+
+import io
+import threading
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from zeroscd.export.changes import changes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def kind_of(answer: Any) -> str:
+    assert answer.headers["content-type"] == "application/problem+json"
+    return str(answer.json()["type"]).rpartition(":")[2]
+
+
+def mask_of(answer: Any) -> np.ndarray:
+    assert answer.status_code == 200
+    assert answer.headers["content-type"] == "image/png"
+    return np.asarray(Image.open(io.BytesIO(answer.content)))
+
+
+def test_the_answer_is_what_the_detector_finds(served: Any, pair: Any) -> None:
+    answer = served.client.post("/v1/detect", files=pair.files())
+    assert answer.status_code == 200
+    assert answer.headers["content-type"] == "application/json"
+    expected = changes(served.service.detectors["toy"].detect(pair.scene.before, pair.scene.after))
+    found = answer.json()
+    assert set(found.pop("seconds")) == set(expected.pop("seconds"))
+    assert found == expected
+    assert {region["kind"] for region in found["regions"]} == {"removed", "added"}
+
+
+def test_the_mask_comes_as_a_picture_for_whoever_asks(served: Any, pair: Any, iou: Any) -> None:
+    answer = served.client.post(
+        "/v1/detect", files=pair.files(), headers={"Accept": "image/png"}, data={"frame": "t0"}
+    )
+    mask = mask_of(answer)
+    assert set(np.unique(mask)) == {0, 255}
+    changed = pair.scene.removed_t0 | pair.scene.added_t1  # the camera stood still
+    assert iou(mask > 0, changed) > 0.95
+
+
+def test_thresholds_of_the_request_count(served: Any, pair: Any) -> None:
+    def regions(settings: str) -> int:
+        answer = served.client.post("/v1/detect", files=pair.files(), data={"settings": settings})
+        assert answer.status_code == 200, answer.text
+        assert answer.json()["settings"]["change"]["tau"] == pytest.approx(1.5)
+        return len(answer.json()["regions"])
+
+    # Only sqrt(2) apart are things that have nothing in common; two is the largest distance.
+    assert regions('{"tau": 1.5}') == 0
+
+
+@pytest.mark.parametrize(
+    ("data", "kind"),
+    [
+        ({"preset": "robust"}, "bad-settings"),
+        ({"settings": "{"}, "bad-settings"),
+        ({"settings": "[1]"}, "bad-settings"),
+        ({"settings": "[" * 100_000}, "bad-settings"),
+        ({"settings": '{"encoder": "dinov2-b"}'}, "bad-settings"),
+        ({"settings": '{"side_px": 8000}'}, "bad-settings"),
+        ({"settings": '{"alpha": 7}'}, "bad-settings"),
+        ({"settings": '{"alpha": NaN}'}, "bad-settings"),
+        ({"settings": '{"alpha": ' + 400 * "9" + "}"}, "bad-settings"),
+        ({"settings": '{"min_area_px": ' + 9000 * "9" + "}"}, "bad-settings"),
+        ({"settings": '{"alpha": [1]}'}, "bad-settings"),
+        ({"frame": "t2"}, "bad-fields"),
+    ],
+)
+def test_settings_that_cannot_be_used_are_refused(
+    served: Any, pair: Any, data: dict[str, str], kind: str
+) -> None:
+    answer = served.client.post("/v1/detect", files=pair.files(), data=data)
+    assert answer.status_code == 422
+    assert kind_of(answer) == kind
+    assert served.encoder.calls == 0
+
+
+def test_a_photo_that_is_missing_is_named(served: Any, pair: Any) -> None:
+    answer = served.client.post("/v1/detect", files={"before": pair.before})
+    assert (answer.status_code, kind_of(answer)) == (422, "bad-fields")
+    assert "after" in answer.json()["detail"]
+
+
+def test_a_damaged_photo_is_named(served: Any, pair: Any) -> None:
+    files = {"before": pair.before, "after": pair.after[: len(pair.after) // 2]}
+    answer = served.client.post("/v1/detect", files=files)
+    assert (answer.status_code, kind_of(answer)) == (422, "bad-photo")
+    assert answer.json()["detail"].startswith("the photo after is damaged")
+
+
+def test_text_in_place_of_a_photo_is_refused(served: Any, pair: Any) -> None:
+    answer = served.client.post(
+        "/v1/detect", files={"before": pair.before}, data={"after": "not a file"}
+    )
+    assert (answer.status_code, kind_of(answer)) == (422, "bad-fields")
+
+
+def test_the_name_of_an_upload_is_not_looked_at(served: Any, pair: Any, tmp_path: Any) -> None:
+    there = {path.name for path in tmp_path.rglob("*")}
+    files = {
+        "before": ("../../../../tmp/evil.png", pair.before, "text/html"),
+        "after": ("C:\\..\\evil.png", pair.after, "application/x-sh"),
+    }
+    answer = served.client.post("/v1/detect", files=files)
+    assert answer.status_code == 200
+    assert "evil" not in answer.text
+    assert {path.name for path in tmp_path.rglob("*")} == there
+
+
+def test_a_full_queue_is_answered_at_once(served: Any, pair: Any) -> None:
+    served.encoder.go.clear()
+    served.encoder.busy.clear()
+    answers: list[Any] = []
+
+    def send() -> None:
+        answers.append(served.client.post("/v1/detect", files=pair.files()))
+
+    threads = [threading.Thread(target=send) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    assert served.encoder.busy.wait(10)
+    while served.service.worker.waiting < 2:
+        threads[0].join(0.01)
+    refused = served.client.post("/v1/detect", files=pair.files())
+    assert (refused.status_code, kind_of(refused)) == (429, "busy")
+    assert int(refused.headers["retry-after"]) >= 1
+    ready = served.client.get("/readyz")
+    assert (ready.status_code, kind_of(ready)) == (503, "not-ready")
+    assert served.client.get("/healthz").status_code == 200
+    served.encoder.go.set()
+    for thread in threads:
+        thread.join(20)
+    assert [answer.status_code for answer in answers] == [200, 200, 200]
+    assert served.client.get("/readyz").json() == {"status": "ok"}
+
+
+def test_an_answer_that_takes_too_long_is_given_up(
+    start: Callable[..., Any], tight: Any, pair: Any
+) -> None:
+    served = start(replace(tight, answer_seconds=0.1))
+    served.encoder.go.clear()
+    answer = served.client.post("/v1/detect", files=pair.files())
+    assert (answer.status_code, kind_of(answer)) == (503, "too-slow")
+    assert "retry-after" in answer.headers
+    served.encoder.go.set()
+    # The task noticed between its steps that nobody waits, and made room.
+    assert served.service.worker.submit(lambda: "free").result(10) == "free"
+
+
+def test_presets_name_what_a_request_may_choose(served: Any) -> None:
+    found = served.client.get("/v1/presets").json()
+    (preset,) = found["presets"]
+    assert (preset["name"], preset["default"]) == ("toy", True)
+    assert preset["settings"]["refine"]["alpha"] == 0.6
+    assert "alpha" in found["thresholds"]
+    assert "encoder" not in found["thresholds"]
+
+
+def test_metrics_count_answers_and_time_stages(served: Any, pair: Any) -> None:
+    served.client.post("/v1/detect", files=pair.files())
+    served.client.get("/no/such/place")
+    text = served.client.get("/metrics").text
+    assert 'zeroscd_answers_total{method="POST",route="/v1/detect",status="200"} 1.0' in text
+    assert 'zeroscd_answers_total{method="GET",route="other",status="404"} 1.0' in text
+    assert 'zeroscd_stage_seconds_count{stage="encode"} 1.0' in text
+    assert "zeroscd_waiting 0.0" in text
+    assert "zeroscd_waiting_pairs 0.0" in text
+
+
+def test_the_document_describes_every_operation_with_examples(served: Any) -> None:
+    document = served.client.get("/openapi.json").json()
+    operations = {
+        (method, path): operation
+        for path, methods in document["paths"].items()
+        for method, operation in methods.items()
+    }
+    assert set(operations) == {
+        ("post", "/v1/detect"),
+        ("get", "/v1/presets"),
+        ("post", "/v1/jobs"),
+        ("get", "/v1/jobs/{job}"),
+        ("delete", "/v1/jobs/{job}"),
+        ("get", "/v1/jobs/{job}/results/{number}"),
+        ("get", "/healthz"),
+        ("get", "/readyz"),
+        ("get", "/metrics"),
+    }
+    detect = operations["post", "/v1/detect"]["responses"]
+    assert set(detect) == {"200", *(str(s) for s in (400, 406, 408, 413, 415, 422, 429, 503))}
+    for status in set(detect) - {"200"}:
+        assert detect[status]["content"]["application/problem+json"]["examples"]
+    assert document["components"]["schemas"]["Changes"]["examples"]
+    assert "HTTPValidationError" not in document["components"]["schemas"]

@@ -1,0 +1,141 @@
+"""A survey of drawn streets from files to report, with the toy models."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from pycocotools import mask as coco_mask
+
+from zeroscd.errors import DatasetError
+from zeroscd.survey import Rules, compare, look, survey
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import Protocol
+
+    from zeroscd.batch import Options
+    from zeroscd.retrieval import PlaceIndex
+
+    class Town(Protocol):
+        def photo(
+            self,
+            when: str,
+            seed: int,
+            *,
+            changed: bool = False,
+            gps: tuple[float, float] | None = None,
+        ) -> Path: ...
+
+
+# Walls of random blocks agree by chance more often than streets do.
+RULES = Rules(least_score=0.1)
+
+
+@pytest.fixture
+def photos(town: Town, index: PlaceIndex) -> list[Path]:
+    """Three streets: one changed, one did not, one is new."""
+    index.add([town.photo("old", seed, gps=(52.0, 4.0 + seed / 1e4)) for seed in range(4)])
+    return [
+        town.photo("new", 1, changed=True, gps=(52.0, 4.0001)),
+        town.photo("new", 2, gps=(52.0, 4.0002)),
+        town.photo("new", 9, gps=(52.0, 4.0009)),
+    ]
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # pycocotools 2.0.11 with NumPy 2
+def test_a_survey_finds_compares_and_reports(
+    photos: list[Path], index: PlaceIndex, options: Options, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    summary = survey(photos, index, out, rules=RULES, options=options)
+    assert summary.matched == 2
+    pairs = pq.read_table(out / "pairs.parquet").to_pylist()
+    assert [pair["status"] for pair in pairs] == ["ok", "ok", "error"]
+    assert [str(pair["before"]).rpartition("/")[2] for pair in pairs[:2]] == [
+        "street 1.png",
+        "street 2.png",
+    ]
+    assert pairs[2]["error"].startswith("no old photo shows this place")
+    changes = pq.read_table(out / "changes.parquet").to_pylist()
+    assert {change["pair"] for change in changes} == {"street 1"}
+
+    features = json.loads((out / "changes.geojson").read_text())["features"]
+    assert len(features) == len(changes) == summary.batch.regions
+    assert features[0]["geometry"]["coordinates"] == pytest.approx([4.0001, 52.0])
+    assert features[0]["properties"]["report"] == "street 1/report.html"
+    assert (out / "street 1" / "report.html").exists()
+
+    labels = json.loads((out / "coco.json").read_text())
+    drawn = coco_mask.decode(labels["annotations"][0]["segmentation"]).astype(bool)
+    truth = np.zeros((192, 256), bool)
+    truth[32:80, 48:96] = True
+    assert (drawn & truth).sum() / (drawn | truth).sum() > 0.6
+
+    page = (out / "report.html").read_text()
+    assert "1 place changed of 2 compared" in page
+    assert 'href="street%201/report.html"' in page
+    assert 'src="thumbs/street%201-before.jpg"' in page
+    assert (out / "thumbs" / "street 1-before.jpg").exists()
+
+
+def test_a_survey_again_computes_nothing_and_writes_the_same(
+    photos: list[Path], index: PlaceIndex, options: Options, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    survey(photos, index, out, rules=RULES, options=options)
+    names = ("report.html", "changes.geojson", "coco.json", "matches.jsonl")
+    before = {name: (out / name).read_bytes() for name in names}
+    heard: list[tuple[str, bool]] = []
+
+    class Ear:
+        def begin(self, total: int) -> None:
+            assert total == 3
+
+        def advance(self, stem: str, *, reused: bool) -> None:
+            heard.append((stem, reused))
+
+    sightings = look(photos, index, out, rules=RULES, progress=Ear())
+    assert [reused for _, reused in heard] == [True] * 3
+    summary = compare(sightings, out, options=options)
+    assert summary.batch.reused == 2
+    assert {name: (out / name).read_bytes() for name in names} == before
+
+
+def test_another_index_or_rule_is_looked_up_anew(
+    photos: list[Path], index: PlaceIndex, town: Town, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert look(photos, index, out, rules=RULES)[2].old is None
+    index.add([town.photo("old", 9)])
+    assert look(photos, index, out, rules=RULES)[2].old == str(tmp_path / "old" / "street 9.png")
+    near = look(photos, index, out, rules=replace(RULES, within_m=5.0))
+    assert near[2].reason == "there is no old photo within 5 m"
+    assert near[0].old is not None
+    assert near[0].metres == pytest.approx(0.0, abs=0.1)
+
+
+def test_an_empty_index_is_refused_before_anything_is_written(
+    index: PlaceIndex, tmp_path: Path
+) -> None:
+    with pytest.raises(DatasetError, match="the place index is empty; add old photos"):
+        survey(["new.jpg"], index, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_broken_new_photos_are_rows_with_the_reason(
+    photos: list[Path], index: PlaceIndex, options: Options, tmp_path: Path
+) -> None:
+    photos[0].write_bytes(b"")
+    summary = survey(
+        [*photos, tmp_path / "none.png"], index, tmp_path / "out", rules=RULES, options=options
+    )
+    pairs = pq.read_table(tmp_path / "out" / "pairs.parquet").to_pylist()
+    assert [pair["status"] for pair in pairs] == ["error", "ok", "error", "error"]
+    assert "is empty" in pairs[0]["error"]
+    assert "does not exist" in pairs[3]["error"]
+    assert summary.matched == 1
