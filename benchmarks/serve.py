@@ -42,7 +42,7 @@ BEFORE, AFTER = (SAMPLES.joinpath(f"{when}.jpg").read_bytes() for when in ("befo
 WARM_UP = 10  # requests before memory is looked at
 CALM_SECONDS = 75  # after the load: the server gives memory back once a minute
 ROUNDS = 4  # of killing
-FORWARD_RUNS = 3
+FORWARD_RUNS = 2
 MEGABYTE = 1e6
 
 

@@ -264,7 +264,8 @@ def test_a_photo_of_many_pairs_is_encoded_once(
     detector = toy.make()
     rows = [("t0/0.png", f"t1/{n}.png", f"p{n}") for n in range(PAIRS)]
     manifest = write_manifest(street / "one.csv", rows)
-    summary = run(manifest, tmp_path / "out", options=Options(detector=lambda: detector))
+    options = Options(detector=lambda: detector)
+    summary = run(manifest, tmp_path / "out", options=options, engine=Local(workers=3))
     assert detector.models.encoder.encoded == 1 + PAIRS
     assert (summary.looks, summary.hits) == (2 * PAIRS, PAIRS - 1)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from dataclasses import dataclass, replace
+from threading import Lock
 from typing import TYPE_CHECKING
 
 from zeroscd.batch.address import Fetcher
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from zeroscd.settings import Settings
 
 MEBIBYTE = 2**20
+LOOKS = 64  # locks: two workers that meet one photo at once look at it one after the other
 DEFAULT_FILES = ("mask", "json")  # a few kilobytes a pair
 
 
@@ -60,6 +62,7 @@ class Desk:
         self._write = options.write
         self._fetch = Fetcher(options.timeout_s)
         self._views = Views(options.cache_bytes)
+        self._looking = [Lock() for _ in range(LOOKS)]
         self._fingerprint = fingerprint(self._detector)
 
     @property
@@ -110,12 +113,13 @@ class Desk:
 
     def _view(self, file: _File, photo: Photo | None) -> tuple[View, bool]:
         """Return what the encoder sees in a photo, and whether it was known already."""
-        view = self._views.get(file.digest)
-        hit = view is not None
-        if view is None:
-            decoded = photo or read_photo(file.content, name=file.address)
-            (view,) = self._detector.look([decoded.pixels])
-            self._views.put(file.digest, view)
+        with self._looking[int(file.digest, 16) % LOOKS]:
+            view = self._views.get(file.digest)
+            hit = view is not None
+            if view is None:
+                decoded = photo or read_photo(file.content, name=file.address)
+                (view,) = self._detector.look([decoded.pixels])
+                self._views.put(file.digest, view)
         # The same bytes may lie at several addresses.
         return replace(view, photo=replace(view.photo, path=file.address)), hit
 

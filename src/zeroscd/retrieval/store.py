@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -185,11 +186,15 @@ class Store:
         """
         with _writing(self._address):
             if len(self) >= APPROXIMATE_FROM and not self.approximate:
-                from lancedb.index import IvfPq  # noqa: PLC0415 - as above
-
-                kind = IvfPq(distance_type="cosine", max_iterations=ROUNDS)
-                self._table.create_index("vector", config=kind)
+                self._make_approximate()
             self._table.optimize(cleanup_older_than=KEPT)
+
+    def _make_approximate(self) -> None:
+        from lancedb.index import IvfSq  # noqa: PLC0415 - half a second; only for large indexes
+
+        cells = math.isqrt(len(self))
+        kind = IvfSq(distance_type="cosine", num_partitions=cells, max_iterations=ROUNDS)
+        self._table.create_index("vector", config=kind)
 
     def nearest(
         self, vector: NDArray[np.float32], count: int, *, nearby: Nearby | None = None
