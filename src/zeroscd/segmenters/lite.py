@@ -99,9 +99,9 @@ def _outlines(
         left, top = boxes[first:last, :2].min(axis=0)
         right, bottom = boxes[first:last, 2:].max(axis=0)
         box = leaf_of[top:bottom, left:right]
-        outline = Segment.from_mask((box >= first) & (box < last), offset_xy=(int(left), int(top)))
-        if outline is not None:
-            yield outline
+        # The boxes are tight already, so `Segment.from_mask` would only measure them again.
+        bbox_xywh = (int(left), int(top), int(right - left), int(bottom - top))
+        yield Segment(bbox_xywh, np.packbits((box >= first) & (box < last)), int(area[node]))
 
 
 def _below(hierarchy: Hierarchy, per_leaf: NDArray[np.intp]) -> NDArray[np.intp]:
