@@ -7,6 +7,7 @@ import os
 import pickle
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -131,8 +132,8 @@ def _import_ray() -> ModuleType:
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     try:
-        import ray  # noqa: PLC0415 - an extra
-        import ray.data  # noqa: PLC0415
+        ray = import_module("ray")
+        import_module("ray.data")
     except ImportError as error:
         message = "the engine ray needs more packages; run: pip install 'zeroscd[ray]'"
         raise SettingsError(message) from error
