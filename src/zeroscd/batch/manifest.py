@@ -15,16 +15,13 @@ from zeroscd.batch.address import is_remote
 from zeroscd.batch.names import stem
 from zeroscd.batch.task import Row
 from zeroscd.errors import DatasetError
-from zeroscd.images.read import one_line
+from zeroscd.images.read import SUFFIXES, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 
 NEEDED = ("before", "after")
 COLUMNS = (*NEEDED, "id")
-IMAGE_SUFFIXES = frozenset(
-    {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".gif", ".ppm"}
-)
 PARQUET_ROWS = 1000  # read at a time
 
 
@@ -188,7 +185,7 @@ def _photos_in(folder: str) -> dict[str, list[str]]:
         names = _list_remote(folder) if is_remote(folder) else _list_local(Path(folder))
     found: dict[str, list[str]] = defaultdict(list)
     for name in sorted(names):
-        if Path(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith("."):
+        if Path(name).suffix.lower() in SUFFIXES and not name.startswith("."):
             found[stem(name)].append(name)
     return found
 

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 # Pillow knows forty more, down to PostScript, which it would hand to another program.
 FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM")  # JPEG opens MPO too
+# What files of these formats are called; folders are searched for them.
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".gif", ".ppm"})
 
 MEGA = 1_000_000
 

@@ -6,9 +6,7 @@ import hashlib
 from pathlib import Path
 
 from zeroscd.errors import DatasetError
-from zeroscd.images.read import one_line
-
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".gif", ".ppm"})
+from zeroscd.images.read import SUFFIXES, one_line
 
 
 def list_photos(source: str | Path) -> list[str]:
