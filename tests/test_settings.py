@@ -81,7 +81,7 @@ def test_later_overrides_win() -> None:
         ("search_radius", 1.5, "needs a int"),
         ("seed", float("inf"), "needs a int"),
         ("search_radius", "-1", "must lie between 0 and 32, not at '-1'"),
-        ("side_px", 0, "must lie between 32 and 8192"),
+        ("side_px", 0, "must lie between 64 and 8192"),
         ("alpha", "1.01", "must lie between 0 and 1"),
         ("tau", -0.1, "must lie between 0 and 2"),
         ("tau", "high", "needs a float"),
