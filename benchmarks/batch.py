@@ -82,10 +82,15 @@ class Done:
     stderr: str
 
 
+def _absolute(text: str) -> Path:
+    """Manifests lie in WORK: a path in them must not depend on where this was started."""
+    return Path(text).resolve()
+
+
 def main() -> None:
     """Run the steps and keep their results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("photos", type=Path)
+    parser.add_argument("photos", type=_absolute)
     parser.add_argument("work", type=Path)
     parser.add_argument("steps", nargs="*", metavar="STEP", help=", ".join(STEPS))
     parser.add_argument("--pairs", type=int, default=2000)
