@@ -19,6 +19,7 @@ ROOT = Path(zeroscd.__file__).parent
 # Later may import earlier, never the other way round; parts of one row do not import each other.
 LAYERS = (
     ("arrays", "errors", "clock", "progress"),
+    ("ledger",),
     ("settings",),
     ("result",),
     ("images",),  # the door and the grid: the geometry that all stages share

@@ -10,9 +10,9 @@ from zeroscd.batch.desk import Options
 from zeroscd.batch.journal import CHANGES, PAIRS, Journal
 from zeroscd.batch.local import Local
 from zeroscd.batch.manifest import open_manifest
-from zeroscd.errors import OutputError, ZeroscdError
+from zeroscd.errors import ZeroscdError
 from zeroscd.export.files import check_wanted, file_names
-from zeroscd.export.folder import check_target, write_together
+from zeroscd.export.folder import check_target, make_folder, write_together
 from zeroscd.export.table import changes_schema, pairs_schema, write_parquet
 from zeroscd.progress import Silent
 
@@ -95,7 +95,7 @@ def run(
     check_wanted(chosen.write)
     check_target(folder)
     pairs = open_manifest(manifest) if isinstance(manifest, str | Path) else manifest
-    _make(folder)
+    make_folder(folder)
     with Journal(folder) as journal:
         summary = Summary(pairs=journal.begin(pairs.rows()))
         listener.begin(journal.unsettled())
@@ -126,11 +126,3 @@ def _write_tables(journal: Journal, folder: Path, summary: Summary) -> None:
 
     summary.regions = write_parquet(folder / CHANGES, journal.change_rows(), changes_schema())
     write_parquet(folder / PAIRS, counted(), pairs_schema())
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"cannot make {folder}: {error.strerror}; choose another folder with -o"
-        raise OutputError(message) from error

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import cv2
 import numpy as np
 
-from zeroscd.errors import OutputError, SettingsError
+from zeroscd.errors import SettingsError
 from zeroscd.evaluation.journal import Journal, digest_files, digest_scoring, protocol
 from zeroscd.evaluation.scores import Scores, write_json, write_whole
 from zeroscd.evaluation.scoring import (
@@ -25,6 +25,7 @@ from zeroscd.evaluation.scoring import (
     why_not_aligned,
 )
 from zeroscd.evaluation.truth import LoadedPair, load_pair
+from zeroscd.export.folder import make_folder
 from zeroscd.fingerprint import digest, digest_values, digest_weights, versions
 from zeroscd.progress import Silent
 
@@ -121,7 +122,7 @@ class _Desk:
             raise SettingsError(message)
         self.run = run
         self._dataset = dataset
-        _make_folder(run.out / "masks")
+        make_folder(run.out / "masks")
         self._journal = Journal(run.out / "pairs.jsonl")
         self._fingerprint = digest_values(
             {
@@ -264,11 +265,3 @@ def _png(mask: Mask) -> bytes:
     done, encoded = cv2.imencode(".png", mask.astype(np.uint8) * 255)
     assert done  # noqa: S101 - an 8-bit picture in memory can be encoded
     return encoded.tobytes()
-
-
-def _make_folder(path: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"cannot create {path}: {error.strerror}; choose another folder with -o"
-        raise OutputError(message) from error

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import threading
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +10,7 @@ from zeroscd.errors import OutputError
 from zeroscd.evaluation.bootstrap import intervals
 from zeroscd.evaluation.journal import protocol
 from zeroscd.evaluation.metrics import Summary, false_positive_rate, pool, summarise
+from zeroscd.export.folder import replacing
 from zeroscd.fingerprint import versions
 
 if TYPE_CHECKING:
@@ -110,14 +108,11 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises:
         OutputError: The folder cannot be written.
     """
-    passing = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        passing.write_bytes(content)
-        passing.replace(path)
+        with replacing(path) as passing:
+            passing.write_bytes(content)
     except OSError as error:
-        with suppress(OSError):
-            passing.unlink()
         message = f"cannot write {path}: {error.strerror}; choose another folder with -o"
         raise OutputError(message) from error
 

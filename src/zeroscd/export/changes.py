@@ -29,7 +29,7 @@ def changes(result: ChangeResult) -> dict[str, Any]:
         "settings": result.settings.to_dict(),
         "alignment": _alignment(result.alignment),
         "changed_fraction": float(result.changed_fraction),
-        "regions": [_region(region) for region in result.regions],
+        "regions": [region_values(region) for region in result.regions],
         "seconds": {stage: float(value) for stage, value in result.seconds.items()},
     }
 
@@ -48,7 +48,8 @@ def _alignment(alignment: Alignment | NotAligned) -> dict[str, Any]:
     }
 
 
-def _region(region: Region) -> dict[str, Any]:
+def region_values(region: Region) -> dict[str, Any]:
+    """Return a region as plain values, as `changes.json` has them."""
     return {
         "id": int(region.id),
         "kind": region.kind,

@@ -1,17 +1,19 @@
-"""Write a result into a folder: all of its files or none."""
+"""Write into folders: a file whole or not at all, a result's files all or none."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import threading
 import uuid
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from zeroscd.result import ChangeResult
 
@@ -47,6 +49,34 @@ def check_target(folder: Path) -> None:
             f"cannot write {folder}: no permission to write in {nearest}; choose another folder"
         )
         raise OutputError(message)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for results, and those above it; one that is there stays as it is.
+
+    Raises:
+        OutputError: It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"cannot create {folder}: {error.strerror}; choose another folder with -o"
+        raise OutputError(message) from error
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a passing path beside a file; what was written there then takes the file's place.
+
+    If anything is raised inside, the file stays as it was and nothing is left beside it.
+    """
+    passing = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
+    try:
+        yield passing
+        passing.replace(path)
+    finally:
+        with suppress(OSError):
+            passing.unlink()
 
 
 def write_together(folder: Path, files: Mapping[str, bytes]) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import itertools
-import os
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import OutputError
+from zeroscd.export.changes import region_values
+from zeroscd.export.folder import replacing
 from zeroscd.images.exif import Exif
 from zeroscd.result import Alignment, NotAligned
 
@@ -117,16 +117,12 @@ def write_parquet(path: Path, rows: Iterable[Row], schema: pa.Schema) -> int:
     Raises:
         OutputError: The file cannot be written.
     """
-    passing = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        count = _write(passing, rows, schema)
-        passing.replace(path)
+        with replacing(path) as passing:
+            return _write(passing, rows, schema)
     except OSError as error:
-        with suppress(OSError):
-            passing.unlink()
         message = f"cannot write {path}: {error.strerror or error}; choose another folder with -o"
         raise OutputError(message) from error
-    return count
 
 
 def _write(path: Path, rows: Iterable[Row], schema: pa.Schema) -> int:
@@ -148,18 +144,15 @@ def _groups(rows: Iterable[Row]) -> Iterator[list[Row]]:
 
 
 def _change(region: Region, notes: tuple[Exif, ...]) -> dict[str, Any]:
-    height, width = cast("tuple[int, int]", region.rle["size"])
+    values = region_values(region)
+    number, rle = values.pop("id"), values.pop("rle")
+    height, width = rle["size"]
     return {
-        "region": int(region.id),
-        "kind": region.kind,
-        "score": float(region.score),
-        "area_px": int(region.area_px),
-        "bbox_xywh": [int(value) for value in region.bbox_xywh],
-        "polygon_xy": [[[int(x), int(y)] for x, y in ring] for ring in region.polygon_xy],
-        "frame": region.frame,
+        "region": number,
+        **values,
         "height": height,
         "width": width,
-        "rle": region.rle["counts"],
+        "rle": rle["counts"],
         **_place(notes),
     }
 

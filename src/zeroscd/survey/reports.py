@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from zeroscd.errors import OutputError
 from zeroscd.export.coco import MarkedPhoto, coco
-from zeroscd.export.folder import REPORT
+from zeroscd.export.folder import REPORT, replacing
 from zeroscd.export.geojson import feature, geojson_lines
 from zeroscd.result import Region
 from zeroscd.survey.findings import read_failures, read_findings
@@ -94,8 +94,5 @@ def _region(change: Mapping[str, Any]) -> Region:
 
 
 def _write(path: Path, parts: Iterable[bytes]) -> None:
-    """Write a file whole or not at all."""
-    passing = path.with_name(f".{path.name}.part")
-    with passing.open("wb") as file:
+    with replacing(path) as passing, passing.open("wb") as file:
         file.writelines(parts)
-    passing.replace(path)

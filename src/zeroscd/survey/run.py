@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from zeroscd import batch
 from zeroscd.batch.names import stem
 from zeroscd.batch.task import Row
-from zeroscd.errors import DatasetError, ImageError, OutputError
-from zeroscd.export.folder import check_target
+from zeroscd.errors import DatasetError, ImageError
+from zeroscd.export.folder import check_target, make_folder
 from zeroscd.fingerprint import digest, digest_values
 from zeroscd.images.read import read_file
 from zeroscd.progress import Silent
@@ -100,7 +100,7 @@ def look(
         raise DatasetError(message)
     chosen, listener, folder = rules or Rules(), progress or Silent(), Path(out)
     check_target(folder)
-    _make(folder)
+    make_folder(folder)
     book, found = Book(folder), []
     state = digest_values({"index": index.state(), "rules": repr(chosen)})
     listener.begin(len(photos))
@@ -151,11 +151,3 @@ def _key(path: str, state: str) -> str | None:
 
 def _row(one: Sighting) -> Row:
     return Row(before=one.old, after=one.new, id=stem(one.new), error=one.reason)
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"cannot make {folder}: {error.strerror}; choose another folder with -o"
-        raise OutputError(message) from error

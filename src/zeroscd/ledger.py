@@ -1,0 +1,86 @@
+"""Results on disk, a line each, so that work that was killed computes nothing twice."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from zeroscd.errors import OutputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
+
+T = TypeVar("T")
+
+
+class Ledger(Generic[T]):
+    """An append-only file of results under a key of all that they were computed from.
+
+    A line that a crash cut short is ignored, and so is one of another version.
+
+    Args:
+        path: Of the file; its folder must exist when something is added.
+        pack: Turns a result into plain values, none of them called "key".
+        unpack: Turns them back; ValueError, KeyError or TypeError say that it cannot.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        pack: Callable[[T], Mapping[str, Any]],
+        unpack: Callable[[dict[str, Any]], T],
+    ) -> None:
+        self._path = path
+        self._pack = pack
+        self._lock = threading.Lock()
+        self._known = dict(_read_lines(path, unpack))
+
+    def get(self, key: str) -> T | None:
+        """Return what was computed from this content, or None."""
+        return self._known.get(key)
+
+    def add(self, key: str, result: T) -> None:
+        """Keep a result, on disk before this returns.
+
+        Raises:
+            OutputError: The file cannot be written.
+        """
+        line = json.dumps({"key": key, **self._pack(result)}) + "\n"
+        with self._lock:
+            self._append(line.encode())
+            self._known[key] = result
+
+    def _append(self, line: bytes) -> None:
+        try:
+            with self._path.open("ab+") as file:
+                if _ends_torn(file.tell(), self._path):
+                    file.write(b"\n")
+                file.write(line)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            message = f"cannot write {self._path}: {error.strerror}; free some space or choose -o"
+            raise OutputError(message) from error
+
+
+def _ends_torn(length: int, path: Path) -> bool:
+    if length == 0:
+        return False
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) != b"\n"
+
+
+def _read_lines(path: Path, unpack: Callable[[dict[str, Any]], T]) -> Iterator[tuple[str, T]]:
+    if not path.exists():
+        return
+    for line in path.read_bytes().splitlines():
+        try:
+            values = json.loads(line)
+            yield values.pop("key"), unpack(values)
+        except (ValueError, KeyError, TypeError, AttributeError):
+            continue  # cut short by a crash: that one is simply computed again
