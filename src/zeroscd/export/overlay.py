@@ -11,6 +11,8 @@ from PIL import Image, ImageDraw, ImageFont
 from zeroscd.export.view import look_at
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.export.view import View
     from zeroscd.result import ChangeResult
@@ -21,6 +23,7 @@ ADDED_RGB = (0, 114, 178)
 UNKNOWN_RGB = (90, 90, 90)
 PAPER_RGB, INK_RGB = (255, 255, 255), (34, 34, 34)
 TINT = 0.22  # how much of the colour covers a changed object
+HATCH_ALPHA = 200  # 0..255: the photo shines through between and a little below the lines
 HATCH_STEP = 1 / 60  # distance of the hatching lines, as a share of the longer side
 STROKE = 1 / 400  # width of an outline, likewise
 LEGEND = 1 / 24  # height of the legend, likewise
@@ -58,6 +61,13 @@ def hatching(mask: Mask) -> Mask:
     rows, columns = np.ogrid[: mask.shape[0], : mask.shape[1]]
     on_a_line = (rows + columns) % step < max(1, step // 6)
     return np.asarray(mask & on_a_line, np.bool_)
+
+
+def hatch_layer(mask: Mask) -> NDArray[np.uint8]:
+    """Draw the hatching of a mask alone, to lie over a photo; (H, W, 4), clear elsewhere."""
+    layer = np.zeros((*mask.shape, 4), np.uint8)
+    layer[hatching(mask)] = (*UNKNOWN_RGB, HATCH_ALPHA)
+    return layer
 
 
 def _tinted(photo: Rgb, mask: Mask, colour: tuple[int, int, int]) -> Rgb:

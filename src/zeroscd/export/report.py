@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-from functools import cache
 from html import escape
-from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from zeroscd import __version__, export
+from zeroscd import __version__
 from zeroscd.export import heat, regions, words
-from zeroscd.export.overlay import UNKNOWN_RGB, hatching
+from zeroscd.export.overlay import hatch_layer
+from zeroscd.export.page import asset, code
 from zeroscd.export.pictures import jpeg_uri, png_uri
 from zeroscd.export.view import look_at
 from zeroscd.result import Alignment
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from zeroscd.arrays import Mask
     from zeroscd.export.view import View
     from zeroscd.result import ChangeResult
 
 LONGEST_PX = 1600  # of the photos inside the report
 PHOTO_QUALITY = 85
 HEAT_QUALITY = 75
-HATCH_ALPHA = 200  # 0..255: the photo shines through between and a little below the lines
 
 
 def render_report(result: ChangeResult) -> str:
@@ -38,8 +29,13 @@ def render_report(result: ChangeResult) -> str:
     The same result gives the same text: it holds no dates and no times.
     """
     view = look_at(result, longest_px=LONGEST_PX)
-    parts = {**_texts(result), **_pictures(view), **_region_parts(result, view), **_code()}
-    return Template(_asset("report.html")).substitute(parts)
+    parts = {
+        **_texts(result),
+        **_pictures(view),
+        **_region_parts(result, view),
+        **code(asset("export", "report.css"), asset("export", "report.js")),
+    }
+    return Template(asset("export", "report.html")).substitute(parts)
 
 
 def _texts(result: ChangeResult) -> dict[str, str]:
@@ -75,7 +71,7 @@ def _pictures(view: View) -> dict[str, str]:
         "before_uri": jpeg_uri(view.before, quality=PHOTO_QUALITY),
         "after_uri": jpeg_uri(view.after, quality=PHOTO_QUALITY),
         "heat_uri": jpeg_uri(colours, quality=HEAT_QUALITY),
-        "hatch_uri": png_uri(_hatch_layer(view.unknown)),
+        "hatch_uri": png_uri(hatch_layer(view.unknown)),
         "scale_end": f"{end:.2f}",
         "gradient": heat.css_gradient(),
     }
@@ -99,21 +95,3 @@ def _settings_rows(result: ChangeResult) -> str:
             rows.append(("", name, value))
     cells = ([escape(str(cell)) for cell in row] for row in rows)
     return "\n".join(f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in cells)
-
-
-def _hatch_layer(unknown: Mask) -> NDArray[np.uint8]:
-    layer = np.zeros((*unknown.shape, 4), np.uint8)
-    layer[hatching(unknown)] = (*UNKNOWN_RGB, HATCH_ALPHA)
-    return layer
-
-
-def _code() -> dict[str, str]:
-    script = _asset("report.js")
-    # Only this very script may run in the page, whatever a file name holds.
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return {"style": _asset("report.css"), "script": script, "script_sha256": digest}
-
-
-@cache
-def _asset(name: str) -> str:
-    return files(export).joinpath("assets", name).read_text(encoding="utf-8")

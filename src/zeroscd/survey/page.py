@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from dataclasses import dataclass
-from functools import cache
 from html import escape
-from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING, Any
 
 from zeroscd import __version__
+from zeroscd.export.page import asset, code
 from zeroscd.survey.cards import card
 from zeroscd.survey.map import draw_map
 
@@ -50,7 +47,7 @@ class Content:
 def render_page(content: Content) -> str:
     """Write the page; it loads thumbnails from beside it and nothing from anywhere else."""
     changed = [one for one in content.cards if one.changes]
-    script = _asset("survey", "survey.js")
+    style = asset("export", "report.css") + asset("survey", "survey.css")
     parts = {
         "title": escape(_headline(content, changed)),
         "summary": escape(_summary(content)),
@@ -69,13 +66,10 @@ def render_page(content: Content) -> str:
         "count": str(len(changed)),
         "listed": _listed(content.failures),
         "failures": str(len(content.failures)),
-        "style": _asset("export", "report.css") + _asset("survey", "survey.css"),
-        "script": script,
-        # Only this very script may run in the page, whatever a file name holds.
-        "script_sha256": base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        **code(style, asset("survey", "survey.js")),
         "version": __version__,
     }
-    return Template(_asset("survey", "survey.html")).substitute(parts)
+    return Template(asset("survey", "survey.html")).substitute(parts)
 
 
 def _headline(content: Content, changed: Sequence[Finding]) -> str:
@@ -114,8 +108,3 @@ def _listed(failures: Sequence[Mapping[str, Any]]) -> str:
         f'<th scope="col">Why it was not compared</th></tr></thead><tbody>{rows}</tbody></table>'
         f"</div>{rest}"
     )
-
-
-@cache
-def _asset(part: str, name: str) -> str:
-    return files("zeroscd").joinpath(part, "assets", name).read_text(encoding="utf-8")

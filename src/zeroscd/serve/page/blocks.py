@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import gradio as gr
 
+from zeroscd.export.page import asset
 from zeroscd.serve.page.actions import HALF, Actions, Shown, Wish
-from zeroscd.serve.page.viewer import asset
+from zeroscd.serve.page.viewer import ASSETS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +31,7 @@ def mount(app: FastAPI, actions: Actions, service: Service) -> FastAPI:
     theme = gr.themes.Default(
         primary_hue="blue", neutral_hue="stone", font=FONTS, font_mono=("ui-monospace", "monospace")
     ).set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")
-    script = asset("page.js").replace("$most_bytes", str(service.limits.photo_bytes))
+    script = asset(ASSETS, "page.js").replace("$most_bytes", str(service.limits.photo_bytes))
     blocks = build(actions, service)
     blocks.queue(max_size=VISITORS, default_concurrency_limit=VISITORS)
     mounted: FastAPI = gr.mount_gradio_app(
@@ -39,7 +40,7 @@ def mount(app: FastAPI, actions: Actions, service: Service) -> FastAPI:
         path="/page",
         theme=theme,
         # Not as `css`: Gradio would put its own class before every selector, down to the root's.
-        head=f"<style>{asset('page.css')}</style><script>{script}</script>",
+        head=f"<style>{asset(ASSETS, 'page.css')}</style><script>{script}</script>",
         footer_links=[],
         run_history=False,
         enable_monitoring=False,
@@ -55,10 +56,10 @@ def build(actions: Actions, service: Service) -> gr.Blocks:
     """Lay out the page."""
     blocks: gr.Blocks = gr.Blocks(title="zeroscd: what changed?", analytics_enabled=False)
     with blocks:
-        gr.HTML(asset("head.html"), apply_default_css=False)
+        gr.HTML(asset(ASSETS, "head.html"), apply_default_css=False)
         names = [gr.Textbox(visible=False), gr.Textbox(visible=False)]
         shown_name = gr.Textbox(visible=False)
-        gr.HTML(asset("photos.html"), elem_id="photos", apply_default_css=False)
+        gr.HTML(asset(ASSETS, "photos.html"), elem_id="photos", apply_default_css=False)
         with gr.Row(elem_id="work"):
             with gr.Column(scale=1, min_width=280, elem_id="controls"):
                 button = gr.Button("Compare", variant="primary", elem_id="compare")

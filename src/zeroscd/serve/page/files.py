@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from zeroscd.export import files as export
 from zeroscd.export import heat
-from zeroscd.export.overlay import UNKNOWN_RGB, hatching
+from zeroscd.export.overlay import hatch_layer
 from zeroscd.export.pictures import jpeg, png
 
 if TYPE_CHECKING:
@@ -18,7 +16,6 @@ if TYPE_CHECKING:
     from zeroscd.serve.page.kept import Kept
 
 PHOTO_QUALITY = 85
-HATCH_ALPHA = 200  # 0..255: the photo shines through a little
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +40,6 @@ def _heat(kept: Kept) -> bytes:
     return jpeg(colours, quality=PHOTO_QUALITY)
 
 
-def _hatch(kept: Kept) -> bytes:
-    layer = np.zeros((*kept.view.size_hw, 4), np.uint8)
-    layer[hatching(kept.view.unknown)] = (*UNKNOWN_RGB, HATCH_ALPHA)
-    return png(layer)
-
-
 def _download(name: str, media_type: str, label: str) -> PageFile:
     render = export.FILES[name][1]
     return PageFile(media_type, lambda kept: render(kept.result), label)
@@ -60,7 +51,7 @@ PICTURES: dict[str, PageFile] = {
     ),
     "after.jpg": PageFile("image/jpeg", lambda kept: jpeg(kept.view.after, quality=PHOTO_QUALITY)),
     "heat.jpg": PageFile("image/jpeg", _heat),
-    "hatch.png": PageFile("image/png", _hatch),
+    "hatch.png": PageFile("image/png", lambda kept: png(hatch_layer(kept.view.unknown))),
 }
 DOWNLOADS: dict[str, PageFile] = {
     export.FILES[name][0]: _download(name, media_type, label)

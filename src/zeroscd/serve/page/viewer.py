@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from functools import cache
 from html import escape
-from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING
 
 from zeroscd.export import heat, regions, words
-from zeroscd.serve import page
+from zeroscd.export.page import asset
 from zeroscd.serve.page.files import DOWNLOADS
 
 if TYPE_CHECKING:
     from zeroscd.result import ChangeResult, Region
     from zeroscd.serve.page.kept import Kept
 
+ASSETS = "serve/page"  # where the page's own files lie
 ROWS = ("top", "middle", "bottom")
 COLUMNS = ("left", "centre", "right")
 MOST_SHOWN = regions.MOST_SHOWN  # rows of the table; the data holds all
-
-
-@cache
-def asset(name: str) -> str:
-    """Return one of the page's own files as text."""
-    return files(page).joinpath("assets", name).read_text(encoding="utf-8")
 
 
 def render(kept: Kept, name: str) -> str:
@@ -37,7 +30,7 @@ def render(kept: Kept, name: str) -> str:
     result, view = kept.result, kept.view
     height, width = view.size_hw
     end = heat.scale_end(view.heatmap)
-    return Template(asset("viewer.html")).substitute(
+    return Template(asset(ASSETS, "viewer.html")).substitute(
         at=f"/pagedata/results/{name}/{kept.version}",
         width=width,
         height=height,
