@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from zeroscd.clock import Clock
-from zeroscd.errors import ImageError, SettingsError
+from zeroscd.errors import SettingsError
 from zeroscd.images.read import read_photo
 from zeroscd.serve.metrics import Metrics
 from zeroscd.serve.problems import Kind, Problem
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
     from fastapi import Request
 
+    from zeroscd.arrays import Rgb
     from zeroscd.detector import Detector
     from zeroscd.evidence import Evidence
-    from zeroscd.result import ChangeResult, Photo
+    from zeroscd.result import ChangeResult
     from zeroscd.serve.limits import Limits
     from zeroscd.settings import Settings
 
 T = TypeVar("T")
 
 LOOK_SECONDS = 1.0  # between two looks whether the client is still there
-BYTES_NAME = "the photo given as bytes"  # what the reader calls a photo that has no path
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ class Service:
         ticket.check()
         say("look")
         with clock.stage("encode"):
-            views = detector.look([photo.pixels for photo in pair])
+            views = detector.look(pair)
         ticket.check()
         say("compare")
         evidence = detector.compare(*views)
@@ -149,12 +149,9 @@ class Service:
             ticket.give_up()
             answer.cancel()
 
-    def _read(self, data: bytes, when: str) -> Photo:
-        try:
-            return read_photo(data, limits=self.limits.photo)
-        except ImageError as error:
-            message = str(error).replace(BYTES_NAME, f"the photo {when}")
-            raise ImageError(message) from error
+    def _read(self, data: bytes, when: str) -> Rgb:
+        # The name is for what may be wrong; only the pixels go on: results know no path here.
+        return read_photo(data, limits=self.limits.photo, name=f"the photo {when}").pixels
 
 
 def parse_values(text: str | None, frame: str | None) -> dict[str, object]:
