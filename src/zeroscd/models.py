@@ -5,14 +5,14 @@ from __future__ import annotations
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import SettingsError
 from zeroscd.weights.backend import require_installed
 from zeroscd.weights.store import require
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.segmenters.port import Segmenter
@@ -73,15 +73,7 @@ def load_models(settings: Settings, *, device: str = "auto") -> Models:
     """
     encoder = _recipe(ENCODERS, "encoder", settings.encoder)
     segmenter = _recipe(SEGMENTERS, "segmenter", settings.segmenter)
-    require(recipe.weights for recipe in (encoder, segmenter) if recipe.weights)
-    if encoder.extra or segmenter.extra:
-        require_installed()
-    target = pick_device(device)
-    decided = settings.override({"precision": pick_precision(settings.precision, device=target)})
-    return Models(
-        import_module(encoder.module).load(decided, target),
-        import_module(segmenter.module).load(decided, target),
-    )
+    return Models(*_load([encoder, segmenter], settings, device=device))
 
 
 def load_encoder(settings: Settings, *, device: str = "auto") -> PatchEncoder:
@@ -92,13 +84,8 @@ def load_encoder(settings: Settings, *, device: str = "auto") -> PatchEncoder:
             are missing.
         WeightsError: Its weights are missing or damaged.
     """
-    recipe = _recipe(ENCODERS, "encoder", settings.encoder)
-    require([recipe.weights] if recipe.weights else [])
-    if recipe.extra:
-        require_installed()
-    target = pick_device(device)
-    decided = settings.override({"precision": pick_precision(settings.precision, device=target)})
-    encoder: PatchEncoder = import_module(recipe.module).load(decided, target)
+    encoder: PatchEncoder
+    (encoder,) = _load([_recipe(ENCODERS, "encoder", settings.encoder)], settings, device=device)
     return encoder
 
 
@@ -173,3 +160,13 @@ def _recipe(table: dict[str, Recipe], kind: str, name: str) -> Recipe:
         message = f"unknown {kind} {name!r}; choose one of: {', '.join(table)}"
         raise SettingsError(message)
     return table[name]
+
+
+def _load(recipes: Sequence[Recipe], settings: Settings, *, device: str) -> list[Any]:
+    """Make models for a device, after everything that any of them needs was looked for."""
+    require(recipe.weights for recipe in recipes if recipe.weights)
+    if any(recipe.extra for recipe in recipes):
+        require_installed()
+    target = pick_device(device)
+    decided = settings.override({"precision": pick_precision(settings.precision, device=target)})
+    return [import_module(recipe.module).load(decided, target) for recipe in recipes]
