@@ -34,17 +34,6 @@ REFINE = 10  # times as many candidates as asked for are compared again exactly
 PROBES = 40  # cells of the approximate index that are searched
 ROUNDS = 10  # of k-means for the cells; what they miss, the exact comparison makes good
 KEPT = timedelta(days=1)  # what was replaced, for surveys that have the index open
-COLUMNS = (
-    "path",
-    "digest",
-    "latitude",
-    "longitude",
-    "taken",
-    "height",
-    "width",
-    "vector",
-    "patches",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +208,7 @@ class Store:
     ) -> list[tuple[Entry, float]]:
         # Typed as any query; with a vector it is one that knows distances and indices.
         search: Any = self._table.search(vector, vector_column_name="vector")
-        search = search.distance_type("cosine").select([*COLUMNS, "_distance"]).limit(count)
+        search = search.distance_type("cosine").limit(count)
         if where is not None:
             search = search.where(where).bypass_vector_index()
         else:
