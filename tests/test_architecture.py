@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import zeroscd
+from zeroscd.fingerprint import PRESENTING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -127,6 +128,12 @@ def test_the_one_call_upwards_waits_until_it_is_called() -> None:
 
 def test_only_the_foundation_is_imported_relative_to_nothing() -> None:
     assert [a for a in ARROWS if a.target.startswith("..")] == []
+
+
+def test_what_lies_above_the_detector_decides_no_result() -> None:
+    above = {part for part, level in LEVEL.items() if level > LEVEL["detector"]}
+    folders = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"__pycache__"}
+    assert set(PRESENTING) == {*above & folders, "samples"}
 
 
 @pytest.mark.parametrize("library", HOMES)
