@@ -190,8 +190,11 @@ class PlaceIndex:
         Raises:
             ImageError: It cannot be read.
         """
-        noted = read_exif(photo) if isinstance(photo, str | Path | bytes) else Exif()
-        return describe(read_photo(photo), self._encoder, exif=exif or noted)
+        if isinstance(photo, str | Path):
+            return self._describe_file(read_file(photo), name=str(photo), exif=exif)
+        if isinstance(photo, bytes):
+            return self._describe_file(photo, exif=exif)
+        return describe(read_photo(photo), self._encoder, exif=exif)
 
     def find(
         self, place: Place, count: int = 5, *, nearby: Nearby | None = None, rerank: bool = True
@@ -238,15 +241,19 @@ class PlaceIndex:
             if digest == known:
                 done.same += 1
                 return None
-            place = describe(
-                read_photo(content, name=one_line(path)), self._encoder, exif=read_exif(content)
-            )
+            place = self._describe_file(content, name=path)
         except ImageError as error:
             done.failed[path] = str(error)
             return None
         done.new += known is None
         done.changed += known is not None
         return Entry(path, digest, place)
+
+    def _describe_file(
+        self, content: bytes, *, name: str | None = None, exif: Exif | None = None
+    ) -> Place:
+        noted = exif or read_exif(content)
+        return describe(read_photo(content, name=name), self._encoder, exif=noted)
 
     def _write(self, entries: list[Entry], known: dict[str, str]) -> None:
         if entries:
