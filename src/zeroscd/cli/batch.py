@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from zeroscd.batch import Manifest, Summary
     from zeroscd.batch.job import Engine
 
-CHANGES, PAIRS = "changes.parquet", "pairs.parquet"
-MEBIBYTE = 2**20
 SOURCE_HELP = "CSV, JSONL or Parquet with columns before, after, id; or a folder of photos before."
 
 
@@ -66,7 +64,8 @@ def batch(
         engine, workers, {"num_gpus": num_gpus, "concurrency": concurrency, "address": ray_address}
     )
     overrides = parse_overrides(settings)
-    from zeroscd.batch import Options, run
+    from zeroscd.batch import run
+    from zeroscd.batch.desk import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
     from zeroscd.cli.progress import Bar
     from zeroscd.detector import Detector
@@ -148,6 +147,8 @@ def pick_engine(
 
 def tell(summary: Summary, out: Path) -> None:
     """Print what was done and where it lies."""
+    from zeroscd.batch.journal import CHANGES, PAIRS
+
     compared = summary.pairs - summary.failed
     if summary.failed:
         warn(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.batch import MEBIBYTE, parse_files
+from zeroscd.cli.batch import parse_files
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import (
     Device,
@@ -56,8 +56,8 @@ def survey(
     Example: zeroscd survey today/ --places places -o changes --within 50
     """
     overrides = parse_overrides(settings)
-    from zeroscd.batch import Options
-    from zeroscd.cli.batch import pick_engine
+    from zeroscd.batch import Local
+    from zeroscd.batch.desk import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
     from zeroscd.cli.progress import Bar
     from zeroscd.detector import Detector
@@ -68,13 +68,14 @@ def survey(
     from zeroscd.survey import Rules, compare, look
 
     check_request(preset, overrides, out=out)
-    check_wanted(parse_files(write))
+    wanted = parse_files(write)
+    check_wanted(wanted)
     paths = [path for source in photos for path in list_photos(source)]
     with busy("opening the place index"):
         index = PlaceIndex.open(places, device=device)
     options = Options(
         detector=partial(Detector.from_preset, preset, device=device, overrides=overrides),
-        write=parse_files(write),
+        write=wanted,
         cache_bytes=cache_mb * MEBIBYTE,
     )
     least = RECOGNISED if least_score is None else least_score
@@ -83,7 +84,7 @@ def survey(
             rules = Rules(within_m=within, least_score=least)
             sightings = look(paths, index, out, rules=rules, progress=bar)
         with Bar("comparing") as bar:
-            engine = pick_engine("local", workers, {})
+            engine = Local(workers=workers)
             summary = compare(sightings, out, options=options, engine=engine, progress=bar)
     except KeyboardInterrupt:
         warn(f"stopped; give the same command again to continue in {out}")
