@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from zeroscd.errors import SettingsError
 from zeroscd.export.changes import changes_json
 from zeroscd.export.coco import coco_json
+from zeroscd.export.folder import REPORT
 from zeroscd.export.overlay import draw_overlay
 from zeroscd.export.pictures import png
 from zeroscd.export.report import render_report
@@ -22,7 +23,7 @@ FILES: dict[str, tuple[str, Callable[[ChangeResult], bytes]]] = {
     "added": ("added.png", lambda result: png(result.added)),
     "unknown": ("unknown.png", lambda result: png(result.unknown)),
     "overlay": ("overlay.png", lambda result: png(draw_overlay(result))),
-    "report": ("report.html", lambda result: render_report(result).encode("utf-8", "replace")),
+    "report": (REPORT, lambda result: render_report(result).encode("utf-8", "replace")),
     "json": ("changes.json", changes_json),
     "coco": ("coco.json", coco_json),
 }
