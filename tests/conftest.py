@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import importlib.util
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -16,6 +19,7 @@ from zeroscd.records import FeatureMap, Segment, Segments
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from types import ModuleType
 
     from zeroscd.arrays import Homography, Mask, Rgb
 
@@ -38,6 +42,23 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the measuring data (shared/data beside the checkout) is not here")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def load_module() -> Callable[[str, Path], ModuleType]:
+    """Import a file that is in no package, such as a script, under a name; once a session."""
+    return _load_module
+
+
+@functools.cache
+def _load_module(name: str, path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up, and scripts import each other
+    spec.loader.exec_module(module)
+    return module
 
 
 @dataclass(frozen=True)

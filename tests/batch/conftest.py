@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,15 +22,9 @@ PAIRS = 6
 
 
 @pytest.fixture(scope="session")
-def toy() -> ModuleType:
+def toy(load_module: Callable[[str, Path], ModuleType]) -> ModuleType:
     """The module of the toy detector; its process form is `toy.__file__`."""
-    spec = importlib.util.spec_from_file_location("zeroscd_batch_toy", HERE / "toy.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_module("zeroscd_batch_toy", HERE / "toy.py")
 
 
 def draw_pair(seed: int) -> tuple[np.ndarray, np.ndarray]:

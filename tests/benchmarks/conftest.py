@@ -2,40 +2,37 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import ModuleType
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
 
-def load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # oracles.py imports robustness.py; dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
+@pytest.fixture(scope="session")
+def load_script(
+    load_module: Callable[[str, Path], ModuleType],
+) -> Callable[[str], ModuleType]:
+    """Import a benchmark under its own name: oracles.py and places.py import robustness.py."""
+    return lambda name: load_module(name, FOLDER / f"{name}.py")
 
 
 @pytest.fixture(scope="session")
-def robustness() -> ModuleType:
-    return load("robustness")
+def robustness(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    return load_script("robustness")
 
 
 @pytest.fixture(scope="session")
-def oracles(robustness: ModuleType) -> ModuleType:
+def oracles(load_script: Callable[[str], ModuleType], robustness: ModuleType) -> ModuleType:
     assert robustness.__name__ == "robustness"
-    return load("oracles")
+    return load_script("oracles")
 
 
 @pytest.fixture(scope="session")
-def pair_benchmark() -> ModuleType:
-    return load("pair")
+def pair_benchmark(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    return load_script("pair")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ from zeroscd.images.exif import Exif, read_exif
 pytest.importorskip("lancedb")
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import ModuleType
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -22,14 +22,9 @@ RESULTS = sorted((FOLDER / "results" / "places").glob("*.json"))
 
 
 @pytest.fixture(scope="module")
-def places(robustness: ModuleType) -> ModuleType:
+def places(load_script: Callable[[str], ModuleType], robustness: ModuleType) -> ModuleType:
     assert robustness.__name__ == "robustness"  # places.py imports it
-    spec = importlib.util.spec_from_file_location("places", FOLDER / "places.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script("places")
 
 
 def matches(*paths: str, scores: tuple[float, ...] = ()) -> list[Any]:

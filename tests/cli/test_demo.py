@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import importlib.util
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from PIL import Image
 from zeroscd.cli.main import run
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import ModuleType
     from typing import Protocol
 
@@ -32,13 +32,8 @@ def pixels(name: str) -> NDArray[np.uint8]:
 
 
 @pytest.fixture(scope="module")
-def recipe() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_demo_pair", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def recipe(load_module: Callable[[str, Path], ModuleType]) -> ModuleType:
+    return load_module("make_demo_pair", SCRIPT)
 
 
 def test_the_demo_compares_the_shipped_pair_in_the_working_folder(

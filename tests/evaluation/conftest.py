@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,15 +22,9 @@ GREY, WHITE = 60, 255
 
 
 @pytest.fixture(scope="session")
-def toy() -> ModuleType:
+def toy(load_module: Callable[[str, Path], ModuleType]) -> ModuleType:
     """The module of the toy detector."""
-    spec = importlib.util.spec_from_file_location("zeroscd_toy_detector", HERE / "toy.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_module("zeroscd_evaluation_toy", HERE / "toy.py")
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -8,14 +8,9 @@ SCRIPT = Path(__file__).parents[2] / "scripts" / "fuzz_images.py"
 
 
 @pytest.fixture(scope="session")
-def fuzz_images() -> ModuleType:
+def fuzz_images(load_module: Callable[[str, Path], ModuleType]) -> ModuleType:
     """The script that throws damaged pictures at the reader, as a module."""
-    spec = importlib.util.spec_from_file_location("fuzz_images", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_module("fuzz_images", SCRIPT)
 
 
 @pytest.fixture(scope="session")
