@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -13,19 +13,18 @@ from PIL import Image
 from zeroscd.batch import Options
 from zeroscd.detector import Detector
 from zeroscd.models import Models
-from zeroscd.records import Segment, Segments
 from zeroscd.retrieval import PlaceIndex
 from zeroscd.settings import Settings
 from zeroscd.survey.findings import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
+    from types import ModuleType
 
-    from zeroscd.arrays import Mask, Rgb
+    from zeroscd.arrays import Rgb
     from zeroscd.encoders.port import PatchEncoder
-    from zeroscd.records import FeatureMap
 
+TESTS = Path(__file__).parents[1]
 BLOCK_PX = 8
 SIZE_HW = (192, 256)
 GPS_FOLDER = 0x8825
@@ -40,26 +39,12 @@ def draw_street(seed: int, *, changed: bool = False) -> Rgb:
     return colours.astype(np.uint8).repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1)
 
 
-class IslandSegmenter:
-    """Takes each island of coarse change as one outline."""
-
-    name = "toy"
-
-    def segment(
-        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
-    ) -> Segments:
-        del features
-        mask = np.ones(photo.shape[:2], bool) if where is None else where
-        count, labels = cv2.connectedComponents(mask.astype(np.uint8))
-        found = (Segment.from_mask(labels == number) for number in range(1, count))
-        return Segments(size_hw=photo.shape[:2], items=tuple(one for one in found if one))
-
-
 @pytest.fixture(scope="session")
-def options(toy_encoder: PatchEncoder) -> Options:
+def options(toy_encoder: PatchEncoder, load_module: Callable[[str, Path], ModuleType]) -> Options:
     """A batch with the toy models."""
+    toy = load_module("zeroscd_batch_toy", TESTS / "batch" / "toy.py")
     settings = Settings().override({"verify": "off", "alpha": 0.5})
-    detector = Detector(settings, Models(toy_encoder, IslandSegmenter()), preset="toy")
+    detector = Detector(settings, Models(toy_encoder, toy.IslandSegmenter()), preset="toy")
     return Options(detector=lambda: detector, write=("json", "report"))
 
 
