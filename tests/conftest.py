@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import functools
 import importlib.util
+import shutil
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import cv2
 import hypothesis
@@ -18,7 +19,7 @@ from zeroscd.images.grid import PatchGrid
 from zeroscd.records import FeatureMap, Segment, Segments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from types import ModuleType
 
     from zeroscd.arrays import Homography, Mask, Rgb
@@ -42,6 +43,21 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the measuring data (shared/data beside the checkout) is not here")
     return SHARED
+
+
+@pytest.fixture(scope="module")  # for a session, Playwright's event loop would run on under others
+def browser() -> Iterator[Any]:
+    """A Chromium without a window; needs Playwright and a Chromium on the PATH."""
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="the browser test needs Playwright"
+    )
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("the browser test needs Chromium")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield browser
+        browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,27 +14,13 @@ from zeroscd.survey.sighting import Sighting
 from zeroscd.survey.thumbs import draw_thumbs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
     from pathlib import Path
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="the browser test needs Playwright")
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="the browser test needs Chromium"),
-]
+pytestmark = pytest.mark.slow
 PHONE, DESK = (390, 844), (1280, 900)
 KINDS = ("removed", "added")
 PLACES = 30
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture
