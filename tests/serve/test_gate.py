@@ -144,6 +144,23 @@ def test_a_head_that_never_ends_is_not_waited_for(
     assert time.monotonic() - begun < 5
 
 
+def test_whoever_talks_on_still_hears_why_and_is_not_answered_twice(
+    live: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connection, "HEAD_SECONDS", 0.1)
+    late = [b"X: y\r\n"] * 15 + [b"Host: x\r\n\r\n"]
+    heard = spoken(live, b"GET /healthz HTTP/1.1\r\n", *late, pause=0.02)
+    assert heard.startswith(b"HTTP/1.1 408")
+    assert heard.count(b"HTTP/1.1") == 1
+
+
+def test_nobody_is_listened_to_for_ever(live: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "HEAD_SECONDS", 0.1)
+    monkeypatch.setattr(connection, "LINGER_SECONDS", 0.2)
+    with pytest.raises((BrokenPipeError, ConnectionResetError)):
+        spoken(live, *[b"X"] * 100, pause=0.05)
+
+
 def test_a_second_request_is_not_waited_for_either(
     live: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

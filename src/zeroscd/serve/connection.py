@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     import asyncio
 
 HEAD_SECONDS = 10.0  # for the lines of a request before its body
+# For a client to hear that it was too slow: some round trips around the world. Our choice.
+LINGER_SECONDS = 2.0
 
 
 class PatientConnection(H11Protocol):
@@ -22,6 +24,7 @@ class PatientConnection(H11Protocol):
     """
 
     _timer: asyncio.TimerHandle | None = None
+    _gave_up = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait for the first request."""
@@ -29,7 +32,9 @@ class PatientConnection(H11Protocol):
         self._wait_for_head()
 
     def data_received(self, data: bytes) -> None:
-        """Go on waiting until the head is complete."""
+        """Go on waiting until the head is complete; ignore what comes too late."""
+        if self._gave_up:
+            return
         super().data_received(data)
         if self.conn.their_state is not h11.IDLE:
             self._stop_waiting()
@@ -61,4 +66,8 @@ class PatientConnection(H11Protocol):
         ]
         for event in events:
             self.transport.write(self.conn.send(event) or b"")
-        self.transport.close()
+        # Closing with bytes unread would reset the connection, and a client that is still sending
+        # might never read the answer. So listen on until it has hung up, or for a moment.
+        self._gave_up = True
+        self.transport.write_eof()
+        self._timer = self.loop.call_later(LINGER_SECONDS, self.transport.close)
