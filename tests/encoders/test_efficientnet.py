@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from zeroscd.encoders import efficientnet
 from zeroscd.encoders.efficientnet import Trunk
 from zeroscd.encoders.lite import STRIDES_PX, WEIGHTS_FILE, WEIGHTS_PACKAGE
 
@@ -111,14 +112,19 @@ def plain_lite2(state: Mapping[str, Tensor], x: Tensor) -> list[Tensor]:
     return outputs
 
 
+@pytest.mark.parametrize("strip_bytes", [efficientnet.STRIP_BYTES, 100_000, 0])
 @pytest.mark.parametrize("size_hw", [(64, 96), (32, 32)])
 def test_every_block_computes_what_the_published_architecture_says(
-    checkpoint: dict[str, Tensor], size_hw: tuple[int, int]
+    checkpoint: dict[str, Tensor],
+    size_hw: tuple[int, int],
+    strip_bytes: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(efficientnet, "STRIP_BYTES", strip_bytes)
     state = {key: value.double() for key, value in checkpoint.items() if value.is_floating_point()}
     trunk = Trunk().double().eval()
     trunk.load_checkpoint(checkpoint)
-    photo = torch.rand(1, 3, *size_hw, generator=torch.Generator().manual_seed(0)).double() * 2 - 1
+    photo = torch.rand(2, 3, *size_hw, generator=torch.Generator().manual_seed(0)).double() * 2 - 1
     with torch.inference_mode():
         ours = trunk(photo, range(-1, len(lite2_blocks())))
         plain = plain_lite2(state, photo)

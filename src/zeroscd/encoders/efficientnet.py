@@ -21,6 +21,9 @@ ModuleT = TypeVar("ModuleT", bound=nn.Module)
 
 BATCH_NORM_EPS = 1e-3  # as the checkpoint was trained
 STEM_CHANNELS = 32
+# Larger arrays are handed back to the system after each step and fetched anew, page by page: in
+# strips that stay below, the widest blocks take a third of the time (docs/lite.md).
+STRIP_BYTES = 8 * 2**20
 CLASSIFIER_PREFIXES = ("_conv_head.", "_bn1.", "_fc.")  # after the trunk: not needed for patches
 
 
@@ -63,13 +66,46 @@ class Block(nn.Module):
         self._bn2 = nn.BatchNorm2d(stage.channels, eps=BATCH_NORM_EPS)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Map (B, inputs, H, W) to (B, channels, ceil(H / stride), ceil(W / stride))."""
-        y = x
-        if self.widens:
-            y = functional.relu6(self._bn0(self._expand_conv(y)), inplace=True)
-        y = functional.relu6(self._bn1(self._depthwise_conv(y)), inplace=True)
-        narrow: torch.Tensor = self._bn2(self._project_conv(y))
+        """Map (B, inputs, H, W) to (B, channels, ceil(H / stride), ceil(W / stride)).
+
+        The same numbers to the last bit whether the rows are computed at once or in strips.
+        """
+        row_bytes = self._depthwise_conv.out_channels * x.shape[3] * x.element_size()
+        if len(x) * x.shape[2] * row_bytes <= STRIP_BYTES:
+            narrow = self._narrow(self._depthwise_conv(self._widen(x)))
+        else:
+            rows = STRIP_BYTES // row_bytes
+            narrow = torch.cat([self._in_strips(photo, rows=rows) for photo in torch.split(x, 1)])
         return x + narrow if self.adds_input else narrow
+
+    def _in_strips(self, photo: torch.Tensor, *, rows: int) -> torch.Tensor:
+        conv, height = self._depthwise_conv, photo.shape[2]
+        kernel, stride = conv.kernel_size[0], conv.stride[0]
+        margin = kernel // 2
+        rows_out, step = -(-height // stride), max(1, rows // stride)
+        strips = []
+        for start in range(0, rows_out, step):
+            above = start * stride - margin
+            below = (min(start + step, rows_out) - 1) * stride - margin + kernel
+            wide = self._widen(photo[:, :, max(above, 0) : below])
+            # What lies beyond the photo is zero for the convolution, and not what widens to it.
+            wide = functional.pad(wide, (0, 0, max(-above, 0), max(below - height, 0)))
+            looked = functional.conv2d(
+                wide, conv.weight, conv.bias, conv.stride, (0, margin), groups=conv.groups
+            )
+            strips.append(self._narrow(looked))
+        return torch.cat(strips, dim=2)
+
+    def _widen(self, x: torch.Tensor) -> torch.Tensor:
+        if not self.widens:
+            return x
+        return functional.relu6(self._bn0(self._expand_conv(x)), inplace=True)
+
+    def _narrow(self, y: torch.Tensor) -> torch.Tensor:
+        narrow: torch.Tensor = self._bn2(
+            self._project_conv(functional.relu6(self._bn1(y), inplace=True))
+        )
+        return narrow
 
     def fold(self) -> None:
         """Fold each normalisation into the convolution before it."""

@@ -49,20 +49,20 @@ class BoundaryHead(nn.Module):
             photo: (B, 3, H, W) normalised, H and W multiples of 32.
             levels: (B, channels, H / stride, W / stride) descriptors in the order of LEVELS.
         """
-        x = self.pixels(photo)
-        for narrow, level, stride in zip(
-            self.narrow, levels, LEVEL_STRIDES_PX.values(), strict=True
-        ):
-            x = x + _grow(narrow(level), stride // STRIDE_PX, x.shape[-2:])
+        # From depth to depth: the same as to bring each to stride 2 by itself, for the grids nest.
+        own = [narrow(level) for narrow, level in zip(self.narrow, levels, strict=True)]
+        x, *finer = [*own, self.pixels(photo)]
+        for level in finer:
+            x = level + _grow(x, level.shape[-2:])
         x = functional.relu(self.mix(functional.relu(x)))
         x = functional.relu(self.look(x)) + x
         logits: torch.Tensor = self.decide(x)
         return logits
 
 
-def _grow(level: torch.Tensor, factor: int, size_hw: tuple[int, int]) -> torch.Tensor:
-    """Interpolate cell (i, j) to (factor * i, factor * j): grids of all depths share the origin."""
-    rows, cols = ((n - 1) * factor + 1 for n in level.shape[-2:])
+def _grow(level: torch.Tensor, size_hw: tuple[int, int]) -> torch.Tensor:
+    """Interpolate cell (i, j) to (2 i, 2 j): grids of all depths share the origin."""
+    rows, cols = (2 * n - 1 for n in level.shape[-2:])
     grown = functional.interpolate(level, size=(rows, cols), mode="bilinear", align_corners=True)
     margins = (0, size_hw[1] - cols, 0, size_hw[0] - rows)
     return functional.pad(grown, margins, mode="replicate")
@@ -100,4 +100,6 @@ def load_head() -> BoundaryHead:
     except (OSError, RuntimeError, ValueError, SafetensorError) as cause:
         message = f"{file} is damaged; reinstall: pip install --force-reinstall zeroscd"
         raise WeightsError(message) from cause
+    # Descriptors and pixels come with channels last; weights that lie likewise are read faster.
+    head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # the stub lacks it
     return head.eval()
