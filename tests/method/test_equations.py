@@ -13,7 +13,7 @@ from zeroscd.alignment.homography import apply, estimate, invert
 from zeroscd.alignment.matching import match
 from zeroscd.alignment.warp import unseen, warp_mask
 from zeroscd.change.coarse import find_coarse_change, measure_distances
-from zeroscd.change.distance import patch_distance, sample
+from zeroscd.change.distance import best_cosine, patch_distance
 from zeroscd.images.grid import PatchGrid
 from zeroscd.records import CoarseChange, FeatureMap, Segment, Segments
 from zeroscd.refine.verify import Verification, confirm
@@ -101,11 +101,13 @@ def test_the_homography_is_the_one_that_plain_ransac_finds(
 def test_descriptors_between_patches_are_read_as_plain_loops_read_them(
     reference: ModuleType, seed: int, size: tuple[int, int], sampling: Any
 ) -> None:
-    q = descriptors(seed, *size)
-    cells = np.random.default_rng(seed).uniform(-1.5, 6.0, (8, 2))
+    rng, q = np.random.default_rng(seed), descriptors(seed, *size)
+    p = q[rng.integers(0, size[0], 8), rng.integers(0, size[1], 8)]
+    cells = rng.uniform((-0.5, -0.5), np.array(size[::-1]) - 0.5, (8, 2))
     read = reference.nearest if sampling == "nearest" else reference.bilinear
-    expected = [read(q.tolist(), x, y) for x, y in cells]
-    np.testing.assert_allclose(sample(q, cells, sampling=sampling), expected, atol=1e-4)
+    expected = [one @ read(q.tolist(), x, y) for one, (x, y) in zip(p, cells, strict=True)]
+    found = best_cosine(p, q, cells, sampling=sampling, search_radius=0)
+    np.testing.assert_allclose(found, expected, atol=1e-4)
 
 
 @given(SEEDS, sizes, sizes, SAMPLINGS, st.integers(0, 2))

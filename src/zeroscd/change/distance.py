@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from zeroscd.records import FeatureMap
 
 HALF_PATCH = 0.5  # how far a patch reaches beyond its centre, in cells
-LENGTH_FLOOR = 1e-9  # a sum of opposite descriptors has no direction to normalise
+CORNERS = ((0, 0), (0, 1), (1, 0), (1, 1))  # down and right, of the patches around a place
+RIM = 2  # patches added around a map: a place half a patch outside still has four around it
+SQUARED_FLOOR = 1e-6  # a sum of opposite descriptors has no direction to normalise
 
 
 class PatchDistance(NamedTuple):
@@ -52,49 +54,83 @@ def patch_distance(
     cells_xy = there.grid.to_cells(centres_there_xy)
     size_xy = np.array(there.grid.size_hw[::-1])
     known = ((cells_xy >= -HALF_PATCH) & (cells_xy <= size_xy - 1 + HALF_PATCH)).all(axis=1)
-    flat = here.descriptors.reshape(rows * cols, -1)[known]
-    cosine = np.full(len(flat), -1.0, dtype=np.float32)
-    span = range(-search_radius, search_radius + 1)
-    for dy, dx in itertools.product(span, span):
-        sampled = sample(there.descriptors, cells_xy[known] + (dx, dy), sampling=sampling)
-        np.maximum(cosine, np.einsum("nd,nd->n", flat, sampled), out=cosine)
+    cosine = best_cosine(
+        here.descriptors.reshape(rows * cols, -1)[known],
+        there.descriptors,
+        cells_xy[known],
+        sampling=sampling,
+        search_radius=search_radius,
+    )
     distance = np.zeros(rows * cols, dtype=np.float32)
     distance[known] = np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))
     return PatchDistance(distance.reshape(rows, cols), known.reshape(rows, cols))
 
 
-def sample(
-    descriptors: Descriptors, cells_xy: PointsXy, *, sampling: Literal["nearest", "bilinear"]
+def best_cosine(
+    descriptors: NDArray[np.float32],
+    there: Descriptors,
+    cells_xy: PointsXy,
+    *,
+    sampling: Literal["nearest", "bilinear"],
+    search_radius: int,
 ) -> NDArray[np.float32]:
-    """Read descriptors at (column, row) positions between patches; beyond the rim, the rim's.
+    """Return how alike each descriptor is to the best place around a cell of a map.
+
+    A place between four patches has the mixture of theirs, scaled to unit length; beyond the rim,
+    the rim's. Its cosine is sum(w_k <p, q_k>) / |sum(w_k q_k)|, so every patch in reach is read
+    once for all places that share it, and no mixture is ever written down.
+
+    Args:
+        descriptors: (N, d) unit length.
+        there: (rows, cols, d) unit length.
+        cells_xy: (N, 2) column and row in `there`, no more than half a patch outside.
+        sampling: "nearest" takes the patch whose square the place lies in.
+        search_radius: Places this many patches to each side are tried as well.
 
     Returns:
-        (N, d) of unit length.
+        (N,) cosines.
     """
-    last_xy = np.array(descriptors.shape[1::-1]) - 1
-    cells = np.clip(cells_xy, 0, last_xy)
-    if sampling == "nearest":
-        col, row = np.floor(cells + 0.5).astype(np.intp).T
-        return np.asarray(descriptors[row, col])
-    low = np.minimum(np.floor(cells).astype(np.intp), np.maximum(last_xy - 1, 0))
-    high = np.minimum(low + 1, last_xy)
-    right, down = (cells - low).astype(np.float32).T[..., None]
-    (x0, y0), (x1, y1) = low.T, high.T
-    cols, flat = descriptors.shape[1], descriptors.reshape(-1, descriptors.shape[-1])
-    mixed = _between(flat, y0 * cols + x0, y0 * cols + x1, right)
-    mixed += down * (_between(flat, y1 * cols + x0, y1 * cols + x1, right) - mixed)
-    length = np.sqrt(np.einsum("nd,nd->n", mixed, mixed))[:, None]
-    mixed /= np.maximum(length, LENGTH_FLOOR)
-    return mixed
+    rim = search_radius + RIM
+    padded = np.pad(there, ((rim, rim), (rim, rim), (0, 0)), mode="edge")
+    width, flat = padded.shape[1], padded.reshape(-1, padded.shape[2])
+    places = np.floor(cells_xy + 0.5) if sampling == "nearest" else cells_xy
+    low = np.floor(places).astype(np.intp)
+    start = (low[:, 1] + rim) * width + low[:, 0] + rim
+    weights = _weights((places - low).astype(np.float32))
+    alone = sum(weight**2 for weight in weights.values())
+    overlaps = {
+        (a, b): _overlaps(flat, (b[0] - a[0]) * width + b[1] - a[1])
+        for a, b in itertools.combinations(CORNERS, 2)
+    }
+    cosines = {
+        (dy, dx): np.einsum("nd,nd->n", descriptors, flat.take(start + dy * width + dx, axis=0))
+        for dy, dx in itertools.product(range(-search_radius, search_radius + 2), repeat=2)
+    }
+    best = np.full(len(descriptors), -1.0, dtype=np.float32)
+    for dy, dx in itertools.product(range(-search_radius, search_radius + 1), repeat=2):
+        at = start + dy * width + dx
+        mixed = sum(
+            weights[down, right] * cosines[dy + down, dx + right] for down, right in CORNERS
+        )
+        squared = alone + 2 * sum(
+            weights[a] * weights[b] * overlap[at + a[0] * width + a[1]]
+            for (a, b), overlap in overlaps.items()
+        )
+        np.maximum(best, mixed / np.sqrt(np.maximum(squared, SQUARED_FLOOR)), out=best)
+    return best
 
 
-def _between(
-    flat: NDArray[np.float32],
-    here: NDArray[np.intp],
-    there: NDArray[np.intp],
-    share: NDArray[np.float32],
-) -> NDArray[np.float32]:
-    """Go a share of the way from some descriptors to others; in place, for this is the hot loop."""
-    mixed = flat.take(here, axis=0)
-    mixed += share * (flat.take(there, axis=0) - mixed)
-    return mixed
+def _weights(share_xy: NDArray[np.float32]) -> dict[tuple[int, int], NDArray[np.float32]]:
+    """How much each corner of the square of patches around a place counts."""
+    right, down = share_xy.T
+    return {
+        (below, beside): (down if below else 1 - down) * (right if beside else 1 - right)
+        for below, beside in CORNERS
+    }
+
+
+def _overlaps(flat: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    """Cosine of each patch with the one some steps on, row by row; 0 where there is none."""
+    found = np.zeros(len(flat), dtype=np.float32)
+    np.einsum("nd,nd->n", flat[:-step], flat[step:], out=found[:-step])
+    return found
