@@ -85,7 +85,7 @@ class Segment:
     def crop(self) -> Mask:
         """Return the mask inside the bounding box, (h, w) bool."""
         _, _, w, h = self.bbox_xywh
-        return np.unpackbits(self.bits, count=w * h).reshape(h, w).astype(bool)
+        return np.unpackbits(self.bits, count=w * h).reshape(h, w).view(np.bool_)
 
     def mask(self, size_hw: tuple[int, int]) -> Mask:
         """Return the mask over the whole photo, (H, W) bool."""
