@@ -67,13 +67,12 @@ class LiteEncoder:
             for p in photos
         ]
         working = [_at_work(p, size_hw) for p, size_hw in zip(photos, sizes, strict=True)]
-        together = [working] if len(set(sizes)) == 1 else [[one] for one in working]
-        taps = [
-            [tap[at] for tap in of_batch]
-            for of_batch, batch in ((self._forward(np.stack(b)), b) for b in together)
-            for at in range(len(batch))
-        ]
-        return [self._describe(*one) for one in zip(taps, photos, sizes, strict=True)]
+        batches = [working] if len(set(sizes)) == 1 else [[one] for one in working]
+        taps_of: list[list[torch.Tensor]] = []
+        for batch in batches:
+            taps = self._forward(np.stack(batch))
+            taps_of += [[tap[at] for tap in taps] for at in range(len(batch))]
+        return [self._describe(*one) for one in zip(taps_of, photos, sizes, strict=True)]
 
     def _forward(self, photos: NDArray[np.uint8]) -> list[torch.Tensor]:
         # (B, H, W, 3) seen as (B, 3, H, W) already lies in memory with channels last
