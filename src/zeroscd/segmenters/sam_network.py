@@ -26,7 +26,7 @@ MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 # Points decoded together. On a processor more of them fall out of its cache (benchmarks/models.py);
 # elsewhere fewer would leave it idle.
-AT_ONCE_ON_CPU, AT_ONCE_ELSEWHERE = 4, 64
+AT_ONCE_ON_CPU, AT_ONCE_ELSEWHERE = 2, 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
