@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from zeroscd.records import FeatureMap
     from zeroscd.settings import SegmentSettings
 
-ENLARGED_AT_ONCE = 8  # masks held at full size; each takes four bytes a pixel
+# Masks held at full size; each takes four bytes a pixel. Arrays above 32 MB are fetched from the
+# system anew each time, which doubled the time of a mask (benchmarks/models.py).
+ENLARGED_AT_ONCE = 4
 
 
 class PromptNetwork(Protocol):
