@@ -98,10 +98,9 @@ def best_cosine(
     start = (low[:, 1] + rim) * width + low[:, 0] + rim
     weights = _weights((places - low).astype(np.float32))
     alone = sum(weight**2 for weight in weights.values())
-    overlaps = {
-        (a, b): _overlaps(flat, (b[0] - a[0]) * width + b[1] - a[1])
-        for a, b in itertools.combinations(CORNERS, 2)
-    }
+    offsets = [down * width + right for down, right in CORNERS]
+    pairs = list(itertools.combinations(zip(offsets, weights.values(), strict=True), 2))
+    overlaps = {step: _overlaps(flat, step) for step in {b - a for (a, _), (b, _) in pairs}}
     cosines = {
         (dy, dx): np.einsum("nd,nd->n", descriptors, flat.take(start + dy * width + dx, axis=0))
         for dy, dx in itertools.product(range(-search_radius, search_radius + 2), repeat=2)
@@ -113,8 +112,7 @@ def best_cosine(
             weights[down, right] * cosines[dy + down, dx + right] for down, right in CORNERS
         )
         squared = alone + 2 * sum(
-            weights[a] * weights[b] * overlap[at + a[0] * width + a[1]]
-            for (a, b), overlap in overlaps.items()
+            weight_a * weight_b * overlaps[b - a][at + a] for (a, weight_a), (b, weight_b) in pairs
         )
         np.maximum(best, mixed / np.sqrt(np.maximum(squared, SQUARED_FLOOR)), out=best)
     return best
