@@ -384,19 +384,32 @@ def lite() -> Detector:
     return Detector.from_preset("lite", device="cpu", overrides={"side_px": 288})
 
 
-def test_one_call_with_the_default_preset_finds_the_thing_of_a_drawn_scene(iou: Iou) -> None:
+def drawn_scene(seed: int) -> tuple[Rgb, Rgb, Mask]:
+    """A tiled wall before and after a ball of one colour, and where the ball is."""
+    rng = np.random.default_rng(seed)
     rows, cols = np.indices((240, 320))
-    wall = np.stack([110 + 40 * np.sin(cols / 9), 120 + 30 * np.sin(rows / 7), cols / 2], axis=2)
-    before = (wall + np.random.default_rng(0).normal(0, 4, wall.shape)).clip(0, 255)
-    after = before.copy()
-    ball = (rows - 130) ** 2 + (cols - 200) ** 2 < 34**2
-    after[ball] = (200, 40, 40)
-    result = zeroscd.detect(
-        before.astype(np.uint8), after.astype(np.uint8), preset="lite", device="cpu", side_px=288
-    )
+    across, down = rng.uniform(5, 14, 2)
+    colours = (110 + 40 * np.sin(cols / across), 120 + 30 * np.sin(rows / down), cols / 2)
+    before = (np.stack(colours, axis=2) + rng.normal(0, 4, (240, 320, 3))).clip(0, 255)
+    row, col = rng.uniform((60, 60), (180, 260))
+    ball = (rows - row) ** 2 + (cols - col) ** 2 < rng.uniform(20, 40) ** 2
+    after = np.where(ball[..., None], rng.integers(0, 255, 3), before)
+    return before.astype(np.uint8), after.astype(np.uint8), ball
+
+
+def test_one_call_with_the_default_preset_finds_the_thing_of_a_drawn_scene(iou: Iou) -> None:
+    before, after, ball = drawn_scene(0)
+    result = zeroscd.detect(before, after, preset="lite", device="cpu", side_px=288)
     assert isinstance(result.alignment, Alignment)
     assert iou(result.mask, ball) > 0.6
     assert result.settings == PRESETS["lite"].override({"side_px": 288})
+
+
+def test_the_default_preset_draws_the_things_of_drawn_scenes(lite: Detector, iou: Iou) -> None:
+    scenes = [drawn_scene(seed) for seed in range(6)]
+    found = [iou(lite.detect(before, after).mask, ball) for before, after, ball in scenes]
+    assert np.mean(found) > 0.65
+    assert min(found) > 0.5
 
 
 @pytest.mark.parametrize("level", [0, 127, 255])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from zeroscd.alignment.align import align, transfer
 from zeroscd.alignment.homography import apply
 from zeroscd.alignment.warp import unseen
-from zeroscd.change.coarse import find_coarse_change, measure_distances
+from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
 from zeroscd.clock import Clock
 from zeroscd.evidence import Evidence, Pair, View
 from zeroscd.images.contrast import is_blank
@@ -214,10 +214,12 @@ class Detector:
         return distances_t0, distances_t1
 
     def _coarse(self, evidence: Evidence, settings: Settings) -> tuple[CoarseChange, CoarseChange]:
-        tau, pair = self.models.encoder.tau, evidence.pair
-        coarse_t0 = find_coarse_change(evidence.distances_t0, settings.change, tau=tau)
-        if evidence.distances_t1 is not None:
-            return coarse_t0, find_coarse_change(evidence.distances_t1, settings.change, tau=tau)
+        pair, measured = evidence.pair, (evidence.distances_t0, evidence.distances_t1)
+        seen = [distances for distances in measured if distances is not None]
+        fusion = fuse_depths(seen, settings.change, tau=self.models.encoder.tau)
+        coarse_t0, *coarse_t1 = (find_coarse_change(distances, fusion) for distances in seen)
+        if coarse_t1:
+            return coarse_t0, coarse_t1[0]
         size_t0_hw, size_t1_hw = pair.view_t0.size_hw, pair.view_t1.size_hw
         return coarse_t0, CoarseChange(
             distance=pair.map_to_t1(coarse_t0.distance),

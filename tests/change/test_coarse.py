@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zeroscd.change.coarse import find_coarse_change, measure_distances
+from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
 from zeroscd.images.grid import PatchGrid
 from zeroscd.records import CoarseChange, FeatureMap
 from zeroscd.settings import ChangeSettings
@@ -49,7 +49,7 @@ def compare(
         rule,
         unseen=np.zeros(PHOTO_HW, dtype=bool) if unseen is None else unseen,
     )
-    return find_coarse_change(distances, rule, tau=tau)
+    return find_coarse_change(distances, fuse_depths([distances], rule, tau=tau))
 
 
 def one_patch_differs(cosine: float) -> tuple[tuple[FeatureMap], tuple[FeatureMap]]:

@@ -40,7 +40,7 @@ def test_the_fitted_threshold_lies_between_background_and_unrelated(
 ) -> None:
     rng = np.random.default_rng(seed)
     levels = [level(4, rng.uniform(0, 1.3, 16)), level(8, rng.uniform(0, 1.3, 64))]
-    fusion = pair_fusion(levels, [grid(4), grid(8)], background_quantile=quantile, share=share)
+    fusion = pair_fusion([levels], [grid(4), grid(8)], background_quantile=quantile, share=share)
     assert sum(fusion.weights) == pytest.approx(1.0)
     assert min(fusion.weights) > 0
     background = [float(np.quantile(x.distance, quantile)) for x in levels]
@@ -52,22 +52,33 @@ def test_the_fitted_threshold_lies_between_background_and_unrelated(
 def test_a_depth_counts_more_when_its_background_is_quieter() -> None:
     quiet, noisy = level(4, np.full(16, 0.2)), level(4, np.full(16, 0.9))
     grids = [grid(4), grid(4)]
-    fusion = pair_fusion([quiet, noisy], grids, background_quantile=0.3, share=0.5)
+    fusion = pair_fusion([[quiet, noisy]], grids, background_quantile=0.3, share=0.5)
     assert fusion.weights[0] > fusion.weights[1]
-    swapped = pair_fusion([noisy, quiet], grids, background_quantile=0.3, share=0.5)
+    swapped = pair_fusion([[noisy, quiet]], grids, background_quantile=0.3, share=0.5)
     assert swapped.weights == pytest.approx(fusion.weights[::-1])
     assert swapped.tau == pytest.approx(fusion.tau)
 
 
+def test_both_photos_of_a_pair_get_one_weighting_from_their_mean_background() -> None:
+    grids = [grid(4), grid(4)]
+    here = [level(4, np.full(16, 0.2)), level(4, np.full(16, 0.9))]
+    there = [level(4, np.full(16, 0.4)), level(4, np.full(16, 0.5))]
+    fusion = pair_fusion([here, there], grids, background_quantile=0.3, share=0.5)
+    room = np.sqrt(2) - np.array([0.3, 0.7])  # the means by hand
+    assert fusion.weights == pytest.approx(room**4 / np.sum(room**4), abs=1e-6)
+    swapped = pair_fusion([there, here], grids, background_quantile=0.3, share=0.5)
+    assert swapped == fusion
+
+
 def test_a_pair_without_any_distance_has_a_threshold_above_it() -> None:
     still = level(4, np.zeros(16))
-    fusion = pair_fusion([still], [grid(4)], background_quantile=0.3, share=0.5)
+    fusion = pair_fusion([[still]], [grid(4)], background_quantile=0.3, share=0.5)
     assert fusion.tau == pytest.approx(np.sqrt(2) / 2)
 
 
 def test_depths_that_show_nothing_alike_do_not_divide_by_zero() -> None:
     strangers = level(4, np.full(16, 1.9))
-    fusion = pair_fusion([strangers, strangers], [grid(4)] * 2, background_quantile=0.3, share=0.5)
+    fusion = pair_fusion([[strangers] * 2], [grid(4)] * 2, background_quantile=0.3, share=0.5)
     assert fusion.weights == pytest.approx((0.5, 0.5))
     assert np.isfinite(fusion.tau)
 
@@ -77,7 +88,7 @@ def test_what_is_not_known_is_no_background() -> None:
         np.array([[0.8, 0.8], [0.0, 0.0]], dtype=np.float32),
         np.array([[True, True], [False, False]]),
     )
-    fusion = pair_fusion([half_known], [grid(2)], background_quantile=0.3, share=0.0)
+    fusion = pair_fusion([[half_known]], [grid(2)], background_quantile=0.3, share=0.0)
     assert fusion.tau == pytest.approx(0.8, abs=1e-6)
 
 

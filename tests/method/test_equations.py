@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from zeroscd.alignment.homography import apply, estimate, invert
 from zeroscd.alignment.matching import match
 from zeroscd.alignment.warp import unseen, warp_mask
-from zeroscd.change.coarse import find_coarse_change, measure_distances
+from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
 from zeroscd.change.distance import best_cosine, patch_distance
 from zeroscd.images.grid import PatchGrid
 from zeroscd.records import CoarseChange, FeatureMap, Segment, Segments
@@ -163,7 +163,7 @@ def test_coarse_change_is_the_thresholded_heat_map_of_plain_loops(
     distances = measure_distances(
         (here,), (there,), lambda points: points, literal, unseen=np.zeros(size_hw, dtype=bool)
     )
-    found = find_coarse_change(distances, literal, tau=tau)
+    found = find_coarse_change(distances, fuse_depths([distances], literal, tau=tau))
     # OpenCV's remap knows positions to 1/32 pixel; neighbours differ by at most 2.
     np.testing.assert_allclose(found.distance, heat, atol=2 / 32 + SINGLE_PRECISION)
     np.testing.assert_array_equal(found.changed, reference.threshold(found.distance, tau))

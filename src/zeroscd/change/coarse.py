@@ -12,7 +12,7 @@ from zeroscd.change.fusion import fixed_fusion, pair_fusion, search_radii, to_ph
 from zeroscd.records import CoarseChange
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from zeroscd.arrays import Map, Mask, PointsXy
     from zeroscd.change.distance import PatchDistance
@@ -74,23 +74,42 @@ def measure_distances(
     return DepthDistances(levels, grids, unseen)
 
 
-def find_coarse_change(
-    distances: DepthDistances, settings: ChangeSettings, *, tau: float
-) -> CoarseChange:
+def fuse_depths(seen: Sequence[DepthDistances], settings: ChangeSettings, *, tau: float) -> Fusion:
+    """Say how much each depth counts, and the threshold, for both photos of a pair alike.
+
+    The user's tau comes before the fitted one, and that before the encoder's.
+
+    Args:
+        seen: Of one photo or of both.
+        settings: How the threshold is found.
+        tau: The encoder's own threshold, where the settings give none and nothing can be fitted.
+    """
+    grids = seen[0].grids
+    fusion = fixed_fusion(grids, tau)
+    known = [distances.levels for distances in seen if distances.anything_known]
+    if settings.threshold == "pair" and known:
+        fusion = pair_fusion(
+            known,
+            grids,
+            background_quantile=settings.background_quantile,
+            share=settings.tau_share,
+        )
+    return fusion if settings.tau is None else fusion._replace(tau=settings.tau)
+
+
+def find_coarse_change(distances: DepthDistances, fusion: Fusion) -> CoarseChange:
     """Say for every pixel of a photo how different the other photo is there.
 
     Args:
         distances: Of this photo's patches.
-        settings: How the threshold is found.
-        tau: The encoder's own threshold, where the settings give none.
+        fusion: How much each depth counts, and the threshold.
 
     Returns:
         The change in this photo's frame; what is unseen is neither changed nor unchanged.
     """
     unseen = distances.unseen
     if not distances.anything_known:
-        return _nothing_known(unseen.shape, tau)
-    fusion = _fuse(distances, settings, tau=tau)
+        return _nothing_known(unseen.shape, fusion.tau)
     distance = _on_pixels(distances, fusion)
     distance[unseen] = 0.0
     return CoarseChange(
@@ -99,19 +118,6 @@ def find_coarse_change(
         unknown=unseen,
         tau=fusion.tau,
     )
-
-
-def _fuse(distances: DepthDistances, settings: ChangeSettings, *, tau: float) -> Fusion:
-    """Weigh the depths; the user's tau comes before the fitted one and the encoder's."""
-    fusion = fixed_fusion(distances.grids, tau)
-    if settings.threshold == "pair":
-        fusion = pair_fusion(
-            distances.levels,
-            distances.grids,
-            background_quantile=settings.background_quantile,
-            share=settings.tau_share,
-        )
-    return fusion if settings.tau is None else fusion._replace(tau=settings.tau)
 
 
 def _on_pixels(distances: DepthDistances, fusion: Fusion) -> Map:

@@ -41,7 +41,7 @@ def fixed_fusion(grids: Sequence[PatchGrid], tau: float) -> Fusion:
 
 
 def pair_fusion(
-    levels: Sequence[PatchDistance],
+    seen: Sequence[Sequence[PatchDistance]],
     grids: Sequence[PatchGrid],
     *,
     background_quantile: float,
@@ -50,18 +50,26 @@ def pair_fusion(
     """Fit weights and threshold to what this pair's unchanged part looks like.
 
     Light, season and parallax raise the distance of everything, more so at fine depths. The lower
-    quantile of a depth's distances is its background b; sqrt(2) is the distance of unrelated
-    things. A depth counts by the fourth power of the room in between, r = sqrt(2) - b, and the
-    threshold lies at b + share * r.
+    quantile of a depth's distances, averaged over the photos, is its background b; sqrt(2) is the
+    distance of unrelated things. A depth counts by the fourth power of the room in between,
+    r = sqrt(2) - b, and the threshold lies at b + share * r.
+
+    Both photos get the same weights: whether a thing is the novelty of one or of the other is read
+    from the difference of their distances, which other weights would tilt.
 
     Args:
-        levels: Distances at each depth; at least one patch must be known at each.
-        grids: Their patch grids.
+        seen: For one or both photos, distances at each depth; at least one patch must be known at
+            each.
+        grids: Their patch grids, in one of the photos.
         background_quantile: 0..1, well below the share of a photo that never changes.
         share: 0..1, where between background and unrelated the threshold lies.
     """
-    background = np.array(
-        [np.quantile(level.distance[level.known], background_quantile) for level in levels]
+    background = np.mean(
+        [
+            [np.quantile(level.distance[level.known], background_quantile) for level in levels]
+            for levels in seen
+        ],
+        axis=0,
     )
     room = np.maximum(UNRELATED - background, LEAST_ROOM)
     weights = _say(grids) * room**ROOM_POWER

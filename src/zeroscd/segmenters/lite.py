@@ -53,8 +53,8 @@ class LiteSegmenter:
             features: The lite encoder's maps of this photo.
             where: (H, W) places of interest; None = everywhere.
         """
-        rows, cols = next(m for m in features if m.source == "lite.2").grid.size_hw
-        stride = LEVEL_STRIDES_PX["lite.2"]
+        rows, cols = next(m for m in features if m.source == "lite.1").grid.size_hw
+        stride = LEVEL_STRIDES_PX["lite.1"]
         working = resize(photo, (rows * stride, cols * stride))
         hierarchy = build_hierarchy(boundary_map(self._head, working, features))
         leaf_of = _to_photo(hierarchy.leaf_of, photo.shape[:2])
