@@ -1,6 +1,6 @@
 """What SAM costs on a pair: encoder, decoder and the rest, asking everywhere or only at change.
 
-    python benchmarks/models.py NAME [--models sam-vit-b sam2.1-tiny] [--device auto]
+    python benchmarks/models.py NAME [--models sam-vit-b mobile-sam sam2.1-tiny] [--device auto]
 
 Networks of the real size with random numbers: time does not depend on the numbers. So that the
 masks of both ways of asking can be compared, each point's answer is exchanged, after it has been
@@ -155,7 +155,10 @@ def randomised(model: Any, device: str) -> Any:  # noqa: ANN401 - transformers c
     rng = torch.Generator(device=device).manual_seed(0)
     with torch.no_grad():
         for name, tensor in model.state_dict().items():
-            scales = "norm" in name and name.endswith("weight")
+            if not tensor.is_floating_point():
+                tensor.zero_()  # how many batches a normalisation saw
+                continue
+            scales = tensor.ndim == 1 and name.endswith(("weight", "running_var"))
             tensor.normal_(float(scales), 0.02, generator=rng)
     return model.eval()
 
@@ -266,7 +269,7 @@ def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("name")
-    parser.add_argument("--models", nargs="+", default=["sam-vit-b", "sam2.1-tiny"])
+    parser.add_argument("--models", nargs="+", default=["sam-vit-b", "mobile-sam", "sam2.1-tiny"])
     parser.add_argument("--device", default="auto")
     parser.add_argument("--precision", default="auto")
     options = parser.parse_args()

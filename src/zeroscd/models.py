@@ -47,7 +47,7 @@ ENCODERS: dict[str, Recipe] = {
 SEGMENTERS: dict[str, Recipe] = {
     "lite": Recipe(module="zeroscd.segmenters.lite"),
     **_recipes("zeroscd.segmenters.sam", "sam-vit-b", "sam-vit-l", "sam-vit-h"),
-    **_recipes("zeroscd.segmenters.sam", "sam2.1-tiny", "sam2.1-small"),
+    **_recipes("zeroscd.segmenters.sam", "mobile-sam", "sam2.1-tiny", "sam2.1-small"),
     **_recipes("zeroscd.segmenters.sam", "sam2.1-base", "sam2.1-large"),
 }
 

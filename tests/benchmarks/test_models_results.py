@@ -33,7 +33,7 @@ def test_a_result_says_where_and_how_it_was_measured(result: dict[str, Any]) -> 
     assert result["schema"] == 1
     assert result["machine"].keys() >= {"cpu", "cores", "versions", "device", "load_average"}
     assert result["precision"] in ("fp32", "bf16")
-    assert result["models"].keys() >= {"sam-vit-b", "sam2.1-tiny"}
+    assert result["models"].keys() >= {"sam-vit-b", "mobile-sam", "sam2.1-tiny"}
     assert all(found.keys() == PARTS for found in result["models"].values())
 
 

@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from zeroscd.segmenters.sam_network import Sam2Network, SamNetwork
+from zeroscd.segmenters.tiny_vit import Stage, TinyVit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -49,6 +50,30 @@ def bare_sam() -> Callable[[], Any]:
 def build_sam(bare_sam: Callable[[], Any]) -> Callable[[], Any]:
     """Make transformers' SAM, tiny, with numbers that prove something."""
     return lambda: _local(_randomised(bare_sam()), shift=3.3)
+
+
+@pytest.fixture(scope="session")
+def bare_mobile(bare_sam: Callable[[], Any]) -> Callable[[], Any]:
+    """Make SAM with MobileSAM's encoder, tiny, as it comes."""
+    stages = (
+        Stage(dim=8, blocks=1),
+        Stage(dim=8, blocks=1, heads=2, window=3),
+        Stage(dim=12, blocks=1, heads=3, window=4, merge_stride=1),
+        Stage(dim=16, blocks=1, heads=2, window=3),
+    )
+
+    def build() -> Any:
+        model = bare_sam()
+        model.vision_encoder = TinyVit(stages, out_channels=32)
+        return model.eval()
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def build_mobile(bare_mobile: Callable[[], Any]) -> Callable[[], Any]:
+    """Make tiny MobileSAM with numbers that prove something."""
+    return lambda: _local(_randomised(bare_mobile()), shift=3.3)
 
 
 @pytest.fixture(scope="session")
@@ -97,8 +122,10 @@ def _randomised(model: Any) -> Any:
     with torch.no_grad():
         for name, tensor in model.state_dict().items():
             noise = torch.randn(tensor.shape, generator=rng)
-            if tensor.ndim == 1:
-                tensor.copy_(noise * 0.1 + ("norm" in name and name.endswith("weight")))
+            if name.endswith("running_var"):
+                tensor.copy_(noise.abs() + 0.5)
+            elif tensor.ndim == 1:  # of normalisations, and biases
+                tensor.copy_(noise * 0.1 + name.endswith("weight"))
             elif tensor.ndim == 4 or name.endswith("weight"):
                 tensor.copy_(noise * (1.5 / tensor[0].numel() ** 0.5))
             else:

@@ -11,6 +11,7 @@ from zeroscd.models import SEGMENTERS
 from zeroscd.segmenters import sam
 from zeroscd.segmenters.sam_network import Network, Sam2Network, SamNetwork
 from zeroscd.settings import SegmentSettings, Settings
+from zeroscd.weights.catalogue import find
 from zeroscd.weights.strict import load_strictly
 
 if TYPE_CHECKING:
@@ -21,10 +22,11 @@ if TYPE_CHECKING:
 
 pytest.importorskip("transformers", reason="needs zeroscd[models]")
 
-KINDS = {"sam": sam.FORMS["sam-vit-b"], "sam2": sam.FORMS["sam2.1-tiny"]}
+NAMES = {"sam": "sam-vit-b", "mobile": "mobile-sam", "sam2": "sam2.1-tiny"}
+KINDS = {kind: sam.FORMS[name] for kind, name in NAMES.items()}
 
-# What transformers' names are called in Meta's files, written independently of the rules under
-# test: from the modules of the segment-anything and sam2 repositories.
+# What the networks' names are called in published files, written independently of the rules under
+# test: from the modules of the segment-anything, MobileSAM and sam2 repositories.
 HEADS = [
     (r"(hypernetworks_mlps\.\d|iou_prediction_head|obj_score_head)\.layers\.0\.", r"\1.layers.1."),
     (r"(hypernetworks_mlps\.\d|iou_prediction_head|obj_score_head)\.proj_in\.", r"\1.layers.0."),
@@ -62,21 +64,33 @@ BACK_SAM2 = [
     (r"\.o_proj\.", ".out_proj."),
     (r"^(prompt_encoder|mask_decoder)\.", r"sam_\1."),
 ]
+BACK = {
+    "sam": BACK_SAM,
+    "mobile": [(r"^vision_encoder\.", "image_encoder.")],
+    "sam2": BACK_SAM2,
+}
 LAST = [(r"layer_norm(\d|_final_attn)", r"norm\1")]
 
 
 def published(model: Any, kind: str) -> dict[str, Tensor]:
-    """Write a network's tensors as Meta's file has them."""
-    rules = [*BACK_BOTH, *(BACK_SAM if kind == "sam" else BACK_SAM2), *LAST]
+    """Write a network's tensors as its publisher's file has them."""
+    rules = [*BACK_BOTH, *BACK[kind], *LAST]
     file: dict[str, Tensor] = {}
     for name, tensor in model.state_dict().items():
         if name.startswith("shared_image_embedding."):
-            continue  # Meta has one matrix
+            continue  # the file has one matrix
         if name == "prompt_encoder.point_embed.weight":
             for index in range(4):
                 file[f"sam_prompt_encoder.point_embeddings.{index}.weight"] = tensor[[index]]
             continue
         file[rewritten(name, rules)] = tensor
+    if kind == "mobile":  # what told ImageNet's classes apart
+        file |= {
+            "image_encoder.norm_head.weight": torch.ones(16),
+            "image_encoder.norm_head.bias": torch.ones(16),
+            "image_encoder.head.weight": torch.ones(1000, 16),
+            "image_encoder.head.bias": torch.ones(1000),
+        }
     if kind == "sam2":  # parts that only video needs
         file |= {
             "maskmem_tpos_enc": torch.ones(7, 1, 1, 64),
@@ -98,7 +112,7 @@ def rewritten(name: str, rules: list[tuple[str, str]]) -> str:
     return name
 
 
-# Names as they stand in sam_vit_b_01ec64.pth and sam2.1_hiera_tiny.pt.
+# Names as they stand in sam_vit_b_01ec64.pth, mobile_sam.pt and sam2.1_hiera_tiny.pt.
 KNOWN = {
     "sam": {
         "image_encoder.pos_embed",
@@ -117,6 +131,21 @@ KNOWN = {
         "mask_decoder.transformer.norm_final_attn.bias",
         "mask_decoder.output_upscaling.3.weight",
         "mask_decoder.output_hypernetworks_mlps.3.layers.2.weight",
+        "mask_decoder.iou_prediction_head.layers.1.weight",
+    },
+    "mobile": {
+        "image_encoder.patch_embed.seq.0.c.weight",
+        "image_encoder.patch_embed.seq.2.bn.running_mean",
+        "image_encoder.layers.0.blocks.0.conv3.bn.num_batches_tracked",
+        "image_encoder.layers.0.downsample.conv2.c.weight",
+        "image_encoder.layers.1.blocks.0.attn.attention_biases",
+        "image_encoder.layers.2.blocks.0.attn.qkv.bias",
+        "image_encoder.layers.3.blocks.0.local_conv.bn.running_var",
+        "image_encoder.layers.3.blocks.0.mlp.fc2.weight",
+        "image_encoder.neck.3.weight",
+        "image_encoder.head.weight",
+        "prompt_encoder.point_embeddings.3.weight",
+        "mask_decoder.transformer.layers.0.norm4.weight",
         "mask_decoder.iou_prediction_head.layers.1.weight",
     },
     "sam2": {
@@ -138,7 +167,7 @@ KNOWN = {
 }
 
 
-@pytest.fixture(params=["sam", "sam2"])
+@pytest.fixture(params=NAMES)
 def kind(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -165,7 +194,7 @@ def test_a_published_file_loads_every_number(
 
 def test_a_missing_and_a_renamed_tensor_are_named(kind: str, model: Any) -> None:
     file = published(model, kind)
-    prefix = "" if kind == "sam" else "sam_"
+    prefix = "sam_" if kind == "sam2" else ""
     del file[f"{prefix}mask_decoder.iou_token.weight"]
     file["extra"] = file.pop(f"{prefix}prompt_encoder.point_embeddings.2.weight")
     with pytest.raises(WeightsError) as caught:
@@ -194,6 +223,21 @@ def test_the_real_forms_have_the_published_sizes() -> None:
         assert 5 < published_millions - millions[f"sam2.1-{name}"] < 13
 
 
+def test_nothing_in_mobile_sams_file_has_no_place() -> None:
+    with torch.device("meta"):
+        state = sam.build(sam.FORMS["mobile-sam"]).state_dict()
+    own = sum(
+        tensor.numel() * tensor.element_size()
+        for name, tensor in state.items()
+        if not name.startswith("shared_image_embedding.")  # the file has one matrix
+    )
+    classifier = 4 * (1000 * 320 + 1000 + 2 * 320)
+    size_bytes = find("mobile-sam").size_bytes
+    assert size_bytes is not None
+    # A zip's own headers take some hundred bytes for each of the file's 439 tensors.
+    assert 0 < size_bytes - own - classifier < 500 * 439
+
+
 def test_a_file_in_its_place_is_loaded_and_answers_as_the_network_that_wrote_it(
     kind: str,
     model: Any,
@@ -202,7 +246,7 @@ def test_a_file_in_its_place_is_loaded_and_answers_as_the_network_that_wrote_it(
     photo: np.ndarray,
     tmp_path: Path,
 ) -> None:
-    name = "sam-vit-b" if kind == "sam" else "sam2.1-tiny"
+    name = NAMES[kind]
     file = tmp_path / "weights.pt"
     torch.save({"model": published(model.float(), kind)}, file)
     monkeypatch.setattr(sam, "require", lambda names: dict.fromkeys(names, file))
@@ -221,7 +265,11 @@ def test_every_sam_in_the_registry_has_a_form() -> None:
 
 @pytest.mark.parametrize(
     ("name", "kind_of_network", "pred_iou"),
-    [("sam-vit-h", SamNetwork, 0.88), ("sam2.1-base", Sam2Network, 0.8)],
+    [
+        ("sam-vit-h", SamNetwork, 0.88),
+        ("mobile-sam", SamNetwork, 0.88),
+        ("sam2.1-base", Sam2Network, 0.8),
+    ],
 )
 def test_a_segmenter_takes_grid_filters_and_precision_from_the_settings(
     name: str, kind_of_network: type, pred_iou: float

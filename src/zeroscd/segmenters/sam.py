@@ -1,4 +1,4 @@
-"""SAM ViT-B, -L, -H and SAM 2.1 tiny to large, from the files that Meta publishes."""
+"""SAM ViT-B, -L and -H, MobileSAM, and SAM 2.1 tiny to large, from the files as published."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import torch
 
 from zeroscd.segmenters.automatic import AutomaticSegmenter
 from zeroscd.segmenters.sam_network import Sam2Network, SamNetwork
+from zeroscd.segmenters.tiny_vit import TinyVit
 from zeroscd.weights.backend import import_transformers
 from zeroscd.weights.rename import renamed
 from zeroscd.weights.safe import read_tensors
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from zeroscd.settings import Settings
     from zeroscd.weights.rename import Rules
 
-# From Meta's names to those of transformers' networks; each rule applies to the last one's result.
+# From published names to those of transformers' networks; each rule applies to the last's result.
 _HEADS: Rules = tuple(
     (rf"({head})\.layers\.{old}\.", rf"\1.{new}.")
     # In this order: what was layers.1 becomes layers.0 only when the old layers.0 is gone.
@@ -54,6 +55,13 @@ SAM_RULES: Rules = (
     (r"^image_encoder\.blocks\.", "vision_encoder.layers."),
     (r"^image_encoder\.", "vision_encoder."),
 )
+# SAM's prompts and decoder behind an encoder of our own, which keeps the published names; what is
+# left out once told ImageNet's classes apart.
+MOBILE_SAM_RULES: Rules = (
+    *_PROMPTS_AND_DECODER,
+    (r"^image_encoder\.(norm_head|head)\.", None),
+    (r"^image_encoder\.", "vision_encoder."),
+)
 # What SAM 2 needs only to follow objects through a video.
 _VIDEO = r"^(memory_|maskmem_|mask_downsample\.|obj_ptr_|no_obj_|no_mem_pos_enc$)"
 SAM2_RULES: Rules = (
@@ -73,15 +81,23 @@ POINT_KINDS = 4  # not here, here, a box's first and second corner
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamForm:
-    """Which transformers network a checkpoint fits.
+    """Which network a checkpoint fits.
 
     Attributes:
-        vision: What differs from the defaults of its vision encoder's configuration.
+        vision: What differs from the defaults of transformers' vision encoder; None = MobileSAM,
+            whose encoder transformers lacks.
         backbone: The same of the trunk inside; None = SAM, which has no trunk of its own.
     """
 
-    vision: Mapping[str, Any]
+    vision: Mapping[str, Any] | None
     backbone: Mapping[str, Any] | None = None
+
+    @property
+    def rules(self) -> Rules:
+        """How its checkpoint's names become the network's."""
+        if self.vision is None:
+            return MOBILE_SAM_RULES
+        return SAM_RULES if self.backbone is None else SAM2_RULES
 
 
 def _hiera(dim: int, blocks: list[int], looks_everywhere: list[int], **more: object) -> SamForm:
@@ -113,6 +129,7 @@ FORMS: dict[str, SamForm] = {
             "global_attn_indexes": [7, 15, 23, 31],
         }
     ),
+    "mobile-sam": SamForm(vision=None),
     "sam2.1-tiny": _hiera(96, [1, 2, 7, 2], [5, 7, 9]),
     "sam2.1-small": _hiera(96, [1, 2, 11, 2], [7, 10, 13]),
     "sam2.1-base": _hiera(
@@ -155,6 +172,12 @@ def build(form: SamForm) -> Any:  # noqa: ANN401 - transformers' classes carry n
         SettingsError: transformers is missing or cannot be imported.
     """
     transformers = import_transformers()
+    if form.vision is None:
+        # What prompts and decoder read of this configuration is the same in MobileSAM.
+        blank = transformers.SamVisionConfig(num_hidden_layers=0)
+        model = transformers.SamModel(transformers.SamConfig(vision_config=blank))
+        model.vision_encoder = TinyVit()
+        return model.eval()
     if form.backbone is None:
         vision = transformers.SamVisionConfig(**form.vision)
         return transformers.SamModel(transformers.SamConfig(vision_config=vision)).eval()
@@ -169,8 +192,7 @@ def converted(tensors: Mapping[str, Tensor], form: SamForm, *, source: str) -> d
     Raises:
         WeightsError: Two tensors would get one name.
     """
-    rules = SAM_RULES if form.backbone is None else SAM2_RULES
-    result = renamed(tensors, rules, source=source)
+    result = renamed(tensors, form.rules, source=source)
     if "positions" in result:  # transformers keeps two copies of the one random matrix
         positions = result.pop("positions")
         result["shared_image_embedding.positional_embedding"] = positions

@@ -195,6 +195,18 @@ _ROWS = (
         sha256="a7bf3b02f3ebf1267aba913ff637d9a2d5c33d3173bb679e46d9f338c26f262e",
         size_bytes=2564550879,
     ),
+    WeightFile(
+        name="mobile-sam",
+        kind="segmenter",
+        file="mobile_sam.pt",
+        address="https://raw.githubusercontent.com/ChaoningZhang/MobileSAM/master/weights/mobile_sam.pt",
+        page="https://github.com/ChaoningZhang/MobileSAM",
+        hub="dhkim2810/MobileSAM",
+        sha256="6dbb90523a35330fedd7f1d3dfc66f995213d81b29a5ca8108dbcdd4e37d6c2f",
+        size_bytes=40728226,
+        licence="Apache-2.0",
+        paper="arXiv 2306.14289",
+    ),
     _sam2(
         "sam2.1-tiny",
         "sam2.1_hiera_tiny.pt",

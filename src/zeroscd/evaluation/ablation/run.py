@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 # Branches of the settings tree, and leaves, that no network sees.
 OUTSIDE_NETWORKS = frozenset({"align", "change", "refine", "frame"})
-BLIND_SEGMENTERS = "sam"  # names that begin so look at the photo only, whatever the encoder
+BLIND_SEGMENTERS = ("sam", "mobile-sam")  # names that begin so look at the photo only
 
 
 class Workshop(Protocol):

@@ -1,0 +1,248 @@
+"""MobileSAM's image encoder: TinyViT's five million weights in place of SAM's ViT.
+
+Sources: TinyViT (arXiv 2207.10666) and MobileSAM (arXiv 2306.14289), which keeps the last two
+stages at one resolution and ends in SAM's neck. The parts have the names of the published file.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+MLP_RATIO = 4  # of the blocks with attention, and how much the first stage's blocks widen
+NECK_NORM_EPS = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """Blocks of one width; between two stages the map is merged.
+
+    Attributes:
+        dim: Channels.
+        blocks: Their number.
+        heads: Attention heads; 0 = the blocks convolve and do not attend.
+        window: Side of the windows that attention stays in, in tokens.
+        merge_stride: Of the merging after this stage.
+    """
+
+    dim: int
+    blocks: int
+    heads: int = 0
+    window: int = 0
+    merge_stride: int = 2
+
+
+STAGES = (
+    Stage(dim=64, blocks=2),
+    Stage(dim=128, blocks=2, heads=4, window=7),
+    Stage(dim=160, blocks=6, heads=5, window=14, merge_stride=1),
+    Stage(dim=320, blocks=2, heads=10, window=7),
+)
+OUT_CHANNELS = 256
+
+
+class TinyVit(nn.Module):
+    """Photos to the map that SAM's mask decoder reads.
+
+    Args:
+        stages: From fine to coarse; the defaults are MobileSAM's.
+        out_channels: Of the map.
+    """
+
+    def __init__(
+        self, stages: tuple[Stage, ...] = STAGES, *, out_channels: int = OUT_CHANNELS
+    ) -> None:
+        super().__init__()
+        last = stages[-1].dim
+        self.patch_embed = _PatchEmbed(stages[0].dim)
+        widths = [stage.dim for stage in stages[1:]]
+        self.layers = nn.ModuleList(
+            _Layer(stage, merged_to=width)
+            for stage, width in zip(stages, [*widths, None], strict=True)
+        )
+        self.neck = nn.Sequential(
+            nn.Conv2d(last, out_channels, 1, bias=False),
+            _ChannelNorm(out_channels, eps=NECK_NORM_EPS),
+            nn.Conv2d(out_channels, out_channels, 3, padding=1, bias=False),
+            _ChannelNorm(out_channels, eps=NECK_NORM_EPS),
+        )
+
+    def forward(self, pixels: Tensor) -> tuple[Tensor]:
+        """Encode normalised photos.
+
+        Args:
+            pixels: (B, 3, H, W), sides multiples of 16.
+
+        Returns:
+            The map, (B, 256, H / 16, W / 16), alone in a tuple, as transformers' encoders give it.
+        """
+        x = self.patch_embed(pixels)
+        for layer in self.layers:
+            x = layer(x)
+        return (self.neck(x),)
+
+
+class _PatchEmbed(nn.Module):
+    """Pixels to cells of four by four."""
+
+    def __init__(self, dim: int) -> None:
+        super().__init__()
+        self.seq = nn.Sequential(
+            _normed(3, dim // 2, kernel=3, stride=2),
+            nn.GELU(),
+            _normed(dim // 2, dim, kernel=3, stride=2),
+        )
+
+    def forward(self, pixels: Tensor) -> Tensor:
+        cells: Tensor = self.seq(pixels)
+        return cells
+
+
+class _Layer(nn.Module):
+    """The blocks of a stage, and what merges the map for the next."""
+
+    def __init__(self, stage: Stage, *, merged_to: int | None) -> None:
+        super().__init__()
+        make = _AttentionBlock if stage.heads else _ConvBlock
+        self.blocks = nn.Sequential(*(make(stage) for _ in range(stage.blocks)))
+        if merged_to is not None:
+            self.downsample = _Merge(stage.dim, merged_to, stride=stage.merge_stride)
+
+    def forward(self, x: Tensor) -> Tensor:
+        x = self.blocks(x)
+        merged: Tensor = self.downsample(x) if hasattr(self, "downsample") else x
+        return merged
+
+
+class _ConvBlock(nn.Module):
+    """Inverted residual: widen, convolve each channel, narrow; the sum is activated."""
+
+    def __init__(self, stage: Stage) -> None:
+        super().__init__()
+        hidden = stage.dim * MLP_RATIO
+        self.conv1 = _normed(stage.dim, hidden)
+        self.conv2 = _normed(hidden, hidden, kernel=3, groups=hidden)
+        self.conv3 = _normed(hidden, stage.dim)
+
+    def forward(self, x: Tensor) -> Tensor:
+        wide = functional.gelu(self.conv1(x))
+        narrow = self.conv3(functional.gelu(self.conv2(wide)))
+        return functional.gelu(x + narrow)
+
+
+class _Merge(nn.Module):
+    """To the next stage's width, and to half the resolution where stride says so."""
+
+    def __init__(self, inputs: int, outputs: int, *, stride: int) -> None:
+        super().__init__()
+        self.conv1 = _normed(inputs, outputs)
+        self.conv2 = _normed(outputs, outputs, kernel=3, stride=stride, groups=outputs)
+        self.conv3 = _normed(outputs, outputs)
+
+    def forward(self, x: Tensor) -> Tensor:
+        wide = functional.gelu(self.conv1(x))
+        merged: Tensor = self.conv3(functional.gelu(self.conv2(wide)))
+        return merged
+
+
+class _AttentionBlock(nn.Module):
+    """Attention within windows, a convolution of each channel, then each token by itself."""
+
+    def __init__(self, stage: Stage) -> None:
+        super().__init__()
+        self.window = stage.window
+        self.attn = _WindowAttention(stage)
+        self.local_conv = _normed(stage.dim, stage.dim, kernel=3, groups=stage.dim)
+        self.mlp = _Mlp(stage.dim)
+
+    def forward(self, x: Tensor) -> Tensor:
+        cells = x.permute(0, 2, 3, 1)
+        cells = cells + self._attended(cells)
+        cells = self.local_conv(cells.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
+        mixed: Tensor = cells + self.mlp(cells)
+        return mixed.permute(0, 3, 1, 2)
+
+    def _attended(self, cells: Tensor) -> Tensor:
+        """Cut (B, H, W, dim) into windows, attend, put together.
+
+        Windows that stick out are filled with zeros, which are seen like any other token: so the
+        weights were trained.
+        """
+        batch, height, width, dim = cells.shape
+        side = self.window
+        below, right = -height % side, -width % side
+        padded = functional.pad(cells, (0, 0, 0, right, 0, below))
+        rows, cols = (height + below) // side, (width + right) // side
+        cut = padded.view(batch, rows, side, cols, side, dim).transpose(2, 3)
+        seen = self.attn(cut.reshape(-1, side * side, dim))
+        whole = seen.view(batch, rows, cols, side, side, dim).transpose(2, 3)
+        shown: Tensor = whole.reshape(padded.shape)[:, :height, :width]
+        return shown
+
+
+class _WindowAttention(nn.Module):
+    """Self-attention whose scores also depend on how far two tokens lie apart."""
+
+    def __init__(self, stage: Stage) -> None:
+        super().__init__()
+        self.heads, self.window = stage.heads, stage.window
+        self.norm = nn.LayerNorm(stage.dim)
+        self.qkv = nn.Linear(stage.dim, 3 * stage.dim)
+        self.proj = nn.Linear(stage.dim, stage.dim)
+        self.attention_biases = nn.Parameter(torch.zeros(stage.heads, stage.window**2))
+
+    def forward(self, tokens: Tensor) -> Tensor:
+        """Mix the tokens of each window, (windows, side^2, dim)."""
+        joint = torch.unflatten(self.qkv(self.norm(tokens)), 2, (self.heads, 3, -1))
+        query, key, value = joint.permute(3, 0, 2, 1, 4)
+        mixed = functional.scaled_dot_product_attention(
+            query, key, value, attn_mask=self.attention_biases[:, self._apart()]
+        )
+        out: Tensor = self.proj(mixed.transpose(1, 2).flatten(2))
+        return out
+
+    def _apart(self) -> Tensor:
+        """Which bias belongs to two tokens: rows apart * side + columns apart."""
+        at = torch.arange(self.window, device=self.attention_biases.device)
+        steps = (at[:, None] - at).abs()
+        apart = steps[:, None, :, None] * self.window + steps[None, :, None, :]
+        return apart.reshape(self.window**2, -1)
+
+
+class _Mlp(nn.Module):
+    """Each token by itself."""
+
+    def __init__(self, dim: int) -> None:
+        super().__init__()
+        self.norm = nn.LayerNorm(dim)
+        self.fc1 = nn.Linear(dim, dim * MLP_RATIO)
+        self.fc2 = nn.Linear(dim * MLP_RATIO, dim)
+
+    def forward(self, tokens: Tensor) -> Tensor:
+        out: Tensor = self.fc2(functional.gelu(self.fc1(self.norm(tokens))))
+        return out
+
+
+class _ChannelNorm(nn.LayerNorm):
+    """Layer normalisation over the channels of (B, channels, H, W)."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        return super().forward(x.permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
+
+
+def _normed(
+    inputs: int, outputs: int, *, kernel: int = 1, stride: int = 1, groups: int = 1
+) -> nn.Sequential:
+    """Make a convolution without bias and the normalisation behind it."""
+    conv = nn.Conv2d(
+        inputs, outputs, kernel, stride, padding=kernel // 2, groups=groups, bias=False
+    )
+    return nn.Sequential(OrderedDict(c=conv, bn=nn.BatchNorm2d(outputs)))
