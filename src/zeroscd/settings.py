@@ -278,7 +278,7 @@ def _convert(value: object, hint: Any) -> Any:  # noqa: ANN401 - a type annotati
 
 PRESETS: dict[str, Settings] = {
     "lite": Settings(
-        change=ChangeSettings(threshold="pair", tau_share=0.45, search_radius=2),
+        change=ChangeSettings(threshold="pair", tau_share=0.475, search_radius=2),
         refine=RefineSettings(
             alpha=0.75,
             verify="off",

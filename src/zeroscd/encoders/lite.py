@@ -49,7 +49,7 @@ class LiteEncoder:
     """
 
     name = "lite"
-    tau = 1.15
+    tau = 1.1
 
     def __init__(self, trunk: Trunk, *, side_px: int, device: str = "cpu") -> None:
         self._trunk = trunk.fold().to(device)
