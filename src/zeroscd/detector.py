@@ -214,12 +214,12 @@ class Detector:
         return distances_t0, distances_t1
 
     def _coarse(self, evidence: Evidence, settings: Settings) -> tuple[CoarseChange, CoarseChange]:
-        pair, measured = evidence.pair, (evidence.distances_t0, evidence.distances_t1)
-        seen = [distances for distances in measured if distances is not None]
+        pair, seen_t0, seen_t1 = evidence.pair, evidence.distances_t0, evidence.distances_t1
+        seen = [seen_t0] if seen_t1 is None else [seen_t0, seen_t1]
         fusion = fuse_depths(seen, settings.change, tau=self.models.encoder.tau)
-        coarse_t0, *coarse_t1 = (find_coarse_change(distances, fusion) for distances in seen)
-        if coarse_t1:
-            return coarse_t0, coarse_t1[0]
+        coarse_t0 = find_coarse_change(seen_t0, fusion)
+        if seen_t1 is not None:
+            return coarse_t0, find_coarse_change(seen_t1, fusion)
         size_t0_hw, size_t1_hw = pair.view_t0.size_hw, pair.view_t1.size_hw
         return coarse_t0, CoarseChange(
             distance=pair.map_to_t1(coarse_t0.distance),

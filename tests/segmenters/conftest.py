@@ -116,6 +116,12 @@ def _decoder() -> dict[str, Any]:
     return {"hidden_size": 32, "mlp_dim": 64, "num_attention_heads": 2, "iou_head_hidden_dim": 32}
 
 
+@pytest.fixture(scope="session")
+def randomise() -> Callable[[Any], Any]:
+    """Give every tensor of a network its own numbers."""
+    return _randomised
+
+
 def _randomised(model: Any) -> Any:
     """Give every tensor its own numbers; a fresh SAM's embeddings are near 1e-19: no proof."""
     rng = torch.Generator().manual_seed(3)
@@ -130,8 +136,9 @@ def _randomised(model: Any) -> Any:
                 tensor.copy_(noise * (1.5 / tensor[0].numel() ** 0.5))
             else:
                 tensor.copy_(noise * 0.5)
-        shared = model.shared_image_embedding.positional_embedding
-        model.prompt_encoder.shared_embedding.positional_embedding.copy_(shared)
+        if hasattr(model, "shared_image_embedding"):
+            shared = model.shared_image_embedding.positional_embedding
+            model.prompt_encoder.shared_embedding.positional_embedding.copy_(shared)
     return model.double().eval()
 
 

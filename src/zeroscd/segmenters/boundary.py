@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 
 WEIGHTS_FILE = "boundary.safetensors"
 STRIDE_PX = 2  # of the boundary map, in working pixels
-LEVELS = {"lite.20": 352, "lite.14": 120, "lite.5": 48, "lite.1": 24}  # source -> channels
-LEVEL_STRIDES_PX = {"lite.20": 32, "lite.14": 16, "lite.5": 8, "lite.1": 4}
+FINEST = "lite.1"
+LEVELS = {"lite.20": 352, "lite.14": 120, "lite.5": 48, FINEST: 24}  # source -> channels
+LEVEL_STRIDES_PX = {"lite.20": 32, "lite.14": 16, "lite.5": 8, FINEST: 4}
 WIDTH = 24
 PIXEL_MEAN, PIXEL_SCALE = 127.0, 128.0
 

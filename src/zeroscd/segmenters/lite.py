@@ -9,6 +9,7 @@ import numpy as np
 from zeroscd.images.working import resize
 from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.boundary import (
+    FINEST,
     LEVEL_STRIDES_PX,
     STRIDE_PX,
     BoundaryHead,
@@ -53,8 +54,8 @@ class LiteSegmenter:
             features: The lite encoder's maps of this photo.
             where: (H, W) places of interest; None = everywhere.
         """
-        rows, cols = next(m for m in features if m.source == "lite.1").grid.size_hw
-        stride = LEVEL_STRIDES_PX["lite.1"]
+        rows, cols = next(m for m in features if m.source == FINEST).grid.size_hw
+        stride = LEVEL_STRIDES_PX[FINEST]
         working = resize(photo, (rows * stride, cols * stride))
         hierarchy = build_hierarchy(boundary_map(self._head, working, features))
         leaf_of = _to_photo(hierarchy.leaf_of, photo.shape[:2])

@@ -17,9 +17,9 @@ from zeroscd.weights.store import require
 from zeroscd.weights.strict import load_strictly
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
-    from torch import Tensor
+    from torch import Tensor, nn
 
     from zeroscd.settings import Settings
     from zeroscd.weights.rename import Rules
@@ -84,20 +84,16 @@ class SamForm:
     """Which network a checkpoint fits.
 
     Attributes:
-        vision: What differs from the defaults of transformers' vision encoder; None = MobileSAM,
-            whose encoder transformers lacks.
+        vision: What differs from the defaults of its vision encoder's configuration.
         backbone: The same of the trunk inside; None = SAM, which has no trunk of its own.
+        rules: How the checkpoint's names become the network's.
+        encoder: Takes the place of transformers' vision encoder, where it has none that fits.
     """
 
-    vision: Mapping[str, Any] | None
+    vision: Mapping[str, Any]
     backbone: Mapping[str, Any] | None = None
-
-    @property
-    def rules(self) -> Rules:
-        """How its checkpoint's names become the network's."""
-        if self.vision is None:
-            return MOBILE_SAM_RULES
-        return SAM_RULES if self.backbone is None else SAM2_RULES
+    rules: Rules = SAM_RULES
+    encoder: Callable[[], nn.Module] | None = None
 
 
 def _hiera(dim: int, blocks: list[int], looks_everywhere: list[int], **more: object) -> SamForm:
@@ -107,6 +103,7 @@ def _hiera(dim: int, blocks: list[int], looks_everywhere: list[int], **more: obj
     return SamForm(
         vision={"backbone_channel_list": widths[::-1]},
         backbone={**trunk, "global_attention_blocks": looks_everywhere, **more},
+        rules=SAM2_RULES,
     )
 
 
@@ -129,7 +126,8 @@ FORMS: dict[str, SamForm] = {
             "global_attn_indexes": [7, 15, 23, 31],
         }
     ),
-    "mobile-sam": SamForm(vision=None),
+    # No block of SAM's is built only to be replaced.
+    "mobile-sam": SamForm(vision={"num_hidden_layers": 0}, rules=MOBILE_SAM_RULES, encoder=TinyVit),
     "sam2.1-tiny": _hiera(96, [1, 2, 7, 2], [5, 7, 9]),
     "sam2.1-small": _hiera(96, [1, 2, 11, 2], [7, 10, 13]),
     "sam2.1-base": _hiera(
@@ -172,15 +170,12 @@ def build(form: SamForm) -> Any:  # noqa: ANN401 - transformers' classes carry n
         SettingsError: transformers is missing or cannot be imported.
     """
     transformers = import_transformers()
-    if form.vision is None:
-        # What prompts and decoder read of this configuration is the same in MobileSAM.
-        blank = transformers.SamVisionConfig(num_hidden_layers=0)
-        model = transformers.SamModel(transformers.SamConfig(vision_config=blank))
-        model.vision_encoder = TinyVit()
-        return model.eval()
     if form.backbone is None:
         vision = transformers.SamVisionConfig(**form.vision)
-        return transformers.SamModel(transformers.SamConfig(vision_config=vision)).eval()
+        model = transformers.SamModel(transformers.SamConfig(vision_config=vision))
+        if form.encoder is not None:
+            model.vision_encoder = form.encoder()
+        return model.eval()
     trunk = transformers.Sam2HieraDetConfig(**form.backbone)
     vision = transformers.Sam2VisionConfig(backbone_config=trunk, **form.vision)
     return transformers.Sam2Model(transformers.Sam2Config(vision_config=vision)).eval()

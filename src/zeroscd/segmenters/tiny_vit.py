@@ -61,12 +61,19 @@ class TinyVit(nn.Module):
         self, stages: tuple[Stage, ...] = STAGES, *, out_channels: int = OUT_CHANNELS
     ) -> None:
         super().__init__()
-        last = stages[-1].dim
-        self.patch_embed = _PatchEmbed(stages[0].dim)
+        first, last = stages[0].dim, stages[-1].dim
+        cells = nn.Sequential(
+            _normed(3, first // 2, kernel=3, stride=2),
+            nn.GELU(),
+            _normed(first // 2, first, kernel=3, stride=2),
+        )
+        self.patch_embed = nn.Sequential(OrderedDict(seq=cells))
         widths = [stage.dim for stage in stages[1:]]
-        self.layers = nn.ModuleList(
-            _Layer(stage, merged_to=width)
-            for stage, width in zip(stages, [*widths, None], strict=True)
+        self.layers = nn.Sequential(
+            *(
+                _layer(stage, merged_to=width)
+                for stage, width in zip(stages, [*widths, None], strict=True)
+            )
         )
         self.neck = nn.Sequential(
             nn.Conv2d(last, out_channels, 1, bias=False),
@@ -84,73 +91,44 @@ class TinyVit(nn.Module):
         Returns:
             The map, (B, 256, H / 16, W / 16), alone in a tuple, as transformers' encoders give it.
         """
-        x = self.patch_embed(pixels)
-        for layer in self.layers:
-            x = layer(x)
-        return (self.neck(x),)
+        return (self.neck(self.layers(self.patch_embed(pixels))),)
 
 
-class _PatchEmbed(nn.Module):
-    """Pixels to cells of four by four."""
+def _layer(stage: Stage, *, merged_to: int | None) -> nn.Sequential:
+    """Make the blocks of a stage, and what merges the map for the next."""
+    make = _AttentionBlock if stage.heads else _ConvBlock
+    blocks = nn.Sequential(*(make(stage) for _ in range(stage.blocks)))
+    if merged_to is None:
+        return nn.Sequential(OrderedDict(blocks=blocks))
+    merge = _Bottleneck(stage.dim, merged_to, merged_to, stride=stage.merge_stride)
+    return nn.Sequential(OrderedDict(blocks=blocks, downsample=merge))
 
-    def __init__(self, dim: int) -> None:
+
+class _Bottleneck(nn.Module):
+    """To another width, convolve each channel, to the width wanted.
+
+    Between two stages it merges the map: to half the resolution where stride says so.
+    """
+
+    def __init__(self, inputs: int, hidden: int, outputs: int, *, stride: int = 1) -> None:
         super().__init__()
-        self.seq = nn.Sequential(
-            _normed(3, dim // 2, kernel=3, stride=2),
-            nn.GELU(),
-            _normed(dim // 2, dim, kernel=3, stride=2),
-        )
-
-    def forward(self, pixels: Tensor) -> Tensor:
-        cells: Tensor = self.seq(pixels)
-        return cells
-
-
-class _Layer(nn.Module):
-    """The blocks of a stage, and what merges the map for the next."""
-
-    def __init__(self, stage: Stage, *, merged_to: int | None) -> None:
-        super().__init__()
-        make = _AttentionBlock if stage.heads else _ConvBlock
-        self.blocks = nn.Sequential(*(make(stage) for _ in range(stage.blocks)))
-        if merged_to is not None:
-            self.downsample = _Merge(stage.dim, merged_to, stride=stage.merge_stride)
+        self.conv1 = _normed(inputs, hidden)
+        self.conv2 = _normed(hidden, hidden, kernel=3, stride=stride, groups=hidden)
+        self.conv3 = _normed(hidden, outputs)
 
     def forward(self, x: Tensor) -> Tensor:
-        x = self.blocks(x)
-        merged: Tensor = self.downsample(x) if hasattr(self, "downsample") else x
-        return merged
+        out: Tensor = self.conv3(functional.gelu(self.conv2(functional.gelu(self.conv1(x)))))
+        return out
 
 
-class _ConvBlock(nn.Module):
-    """Inverted residual: widen, convolve each channel, narrow; the sum is activated."""
+class _ConvBlock(_Bottleneck):
+    """Inverted residual: widened inside; the sum is activated."""
 
     def __init__(self, stage: Stage) -> None:
-        super().__init__()
-        hidden = stage.dim * MLP_RATIO
-        self.conv1 = _normed(stage.dim, hidden)
-        self.conv2 = _normed(hidden, hidden, kernel=3, groups=hidden)
-        self.conv3 = _normed(hidden, stage.dim)
+        super().__init__(stage.dim, stage.dim * MLP_RATIO, stage.dim)
 
     def forward(self, x: Tensor) -> Tensor:
-        wide = functional.gelu(self.conv1(x))
-        narrow = self.conv3(functional.gelu(self.conv2(wide)))
-        return functional.gelu(x + narrow)
-
-
-class _Merge(nn.Module):
-    """To the next stage's width, and to half the resolution where stride says so."""
-
-    def __init__(self, inputs: int, outputs: int, *, stride: int) -> None:
-        super().__init__()
-        self.conv1 = _normed(inputs, outputs)
-        self.conv2 = _normed(outputs, outputs, kernel=3, stride=stride, groups=outputs)
-        self.conv3 = _normed(outputs, outputs)
-
-    def forward(self, x: Tensor) -> Tensor:
-        wide = functional.gelu(self.conv1(x))
-        merged: Tensor = self.conv3(functional.gelu(self.conv2(wide)))
-        return merged
+        return functional.gelu(x + super().forward(x))
 
 
 class _AttentionBlock(nn.Module):

@@ -15,7 +15,7 @@ from zeroscd.evaluation.bootstrap import intervals
 from zeroscd.evaluation.run import Run, evaluate_all
 from zeroscd.evaluation.scores import write_json
 from zeroscd.fingerprint import digest_code, digest_weights, versions
-from zeroscd.models import Models
+from zeroscd.models import SEGMENTERS, Models
 from zeroscd.progress import Silent
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 # Branches of the settings tree, and leaves, that no network sees.
 OUTSIDE_NETWORKS = frozenset({"align", "change", "refine", "frame"})
-BLIND_SEGMENTERS = ("sam", "mobile-sam")  # names that begin so look at the photo only
 
 
 class Workshop(Protocol):
@@ -158,7 +157,7 @@ def _cached(models: Models, settings: Settings, store: ArrayStore) -> Models:
             models.segmenter,
             store,
             identity=world + json.dumps(of_segmenter),
-            reads_features=not settings.segmenter.startswith(BLIND_SEGMENTERS),
+            reads_features=SEGMENTERS[settings.segmenter].reads_features,
         ),
     )
 
