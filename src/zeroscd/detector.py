@@ -17,7 +17,7 @@ from zeroscd.models import Models, load_models
 from zeroscd.records import CoarseChange
 from zeroscd.refine.kinds import settle_kinds
 from zeroscd.refine.regions import find_regions
-from zeroscd.refine.shapes import drop_slivers, drop_specks
+from zeroscd.refine.shapes import close_gaps, drop_specks, drop_thin
 from zeroscd.refine.strength import keep_strong
 from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
@@ -281,8 +281,9 @@ def _refine(
 
 
 def _things(mask: Mask, coarse: CoarseChange, refine: RefineSettings) -> Mask:
-    """Leave out what is too thin, too weak or too small to be a thing."""
-    wide = drop_slivers(mask, least_width=refine.least_width)
+    """Make whole what has gaps; leave out what is too thin, too weak or too small to be a thing."""
+    whole = close_gaps(mask, gap_width=refine.gap_width)
+    wide = drop_thin(whole, least_width=refine.least_width)
     strong = keep_strong(wide, coarse, least_peak=refine.least_peak)
     return drop_specks(strong, min_area_px=refine.min_area_px)
 

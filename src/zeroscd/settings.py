@@ -60,8 +60,9 @@ class RefineSettings:
     alpha: float = 0.8  # share of coarse change above which an outline is flagged (paper)
     verify: Literal["overlap", "iou", "off"] = "iou"  # second check against the other photo
     beta: float = 0.5  # overlap at which the other photo's outline refutes the change
+    gap_width: float = 0.0  # of the photo's shorter side; narrower gaps and holes are filled
+    least_width: float = 0.0  # of the square root of a part's area; what is thinner is dropped
     least_peak: float = 0.0  # parts weaker than this share of the strongest change are dropped
-    least_width: float = 0.0  # of the photo's shorter side; thinner strips are dropped
     kinds: Literal["frame", "novelty"] = "frame"  # kept where flagged, or settled by novelty
     min_area_px: int = 0  # smaller regions are dropped, in pixels of their photo
 
@@ -130,7 +131,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "alpha": (0, 1),
     "beta": (0, 1),
     "least_peak": (0, 1),
-    "least_width": (0, 0.5),
+    "gap_width": (0, 0.5),
+    "least_width": (0, 1),
     "min_area_px": (0, 1_000_000_000),
 }
 
@@ -145,12 +147,12 @@ PAPER_RULES: dict[str, object] = {
     "beta": 0.5,
     "alpha": 0.8,
     "least_peak": 0.0,
+    "gap_width": 0.0,
     "least_width": 0.0,
     "kinds": "frame",
     "min_area_px": 0,
     "prompting": "everything",
 }
-
 
 # What only weighs evidence that is there already; all other leaves need the photos again.
 THRESHOLDS: frozenset[str] = frozenset(
@@ -282,9 +284,10 @@ PRESETS: dict[str, Settings] = {
         refine=RefineSettings(
             alpha=0.75,
             verify="off",
-            least_peak=0.85,
+            gap_width=0.04,
+            least_width=0.3,
+            least_peak=0.8,
             kinds="novelty",
-            least_width=0.015,
             min_area_px=150,
         ),
     ),

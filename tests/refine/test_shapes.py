@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.refine.shapes import drop_slivers, drop_specks
+from zeroscd.refine.shapes import close_gaps, drop_specks, drop_thin
 
 SIZE_HW = (100, 120)
 
@@ -16,26 +17,64 @@ def box(left: int, top: int, width: int, height: int) -> np.ndarray:
     return mask
 
 
+def random_boxes(seed: int) -> np.ndarray:
+    coarse = np.random.default_rng(seed).random((10, 12)) < 0.5
+    return np.kron(coarse, np.ones((10, 10))) > 0
+
+
 THING, STRIP, SPECK = box(20, 20, 30, 30), box(0, 70, 120, 4), box(90, 20, 3, 3)
 
 
-@pytest.mark.parametrize(("least_width", "stays"), [(0.03, True), (0.049, True), (0.05, False)])
-def test_a_strip_goes_when_the_disk_does_not_fit_in_it(*, least_width: float, stays: bool) -> None:
-    # Of the shorter side, 100 pixels, rounded down to 3, 3 and 5; the strip is 4 high.
-    left = drop_slivers(STRIP, least_width=least_width)
-    assert bool(left.any()) is stays
+@pytest.mark.parametrize(("gap_width", "closed"), [(0.03, False), (0.039, False), (0.061, True)])
+def test_a_gap_is_filled_when_the_disk_does_not_fit_in_it(
+    *, gap_width: float, closed: bool
+) -> None:
+    # The shorter side is 100 pixels, the gap 5 pixels wide.
+    halves = box(20, 20, 15, 40) | box(40, 20, 15, 40)
+    filled = close_gaps(halves, gap_width=gap_width)
+    assert bool(filled[30:50, 35:40].all()) is closed
+    assert filled[30:50, 35:40].any() == closed
+    assert not filled[:, :20].any()
+    assert not filled[:, 55:].any()
 
 
-def test_a_thing_keeps_its_outline_but_for_its_corners() -> None:
-    left = drop_slivers(THING, least_width=0.07)
-    assert not (left & ~THING).any()
-    assert left[20:50, 25:45].all()
-    assert left[25:45, 20:50].all()
+def test_a_hole_is_filled_and_the_room_to_the_edge_of_the_photo_is_not() -> None:
+    ring = THING & ~box(33, 33, 4, 4)
+    np.testing.assert_array_equal(close_gaps(ring, gap_width=0.08), THING)
+    beside_the_edge = box(3, 20, 30, 30)
+    np.testing.assert_array_equal(close_gaps(beside_the_edge, gap_width=0.1), beside_the_edge)
 
 
-def test_below_three_pixels_nothing_is_taken_away() -> None:
-    for least_width in (0.0, 0.01, 0.029):
-        np.testing.assert_array_equal(drop_slivers(SPECK, least_width=least_width), SPECK)
+@pytest.mark.parametrize(("least_width", "stays"), [(0.0, True), (0.15, True), (0.3, False)])
+def test_a_strip_goes_when_its_own_disk_does_not_fit_in_it(
+    *, least_width: float, stays: bool
+) -> None:
+    # 120 x 4 pixels: the square root of the area is 21.9, so the disks are 0, 3.3 and 6.6 wide.
+    assert bool(drop_thin(STRIP, least_width=least_width).any()) is stays
+
+
+def test_a_spike_goes_where_a_pole_of_the_same_width_stays() -> None:
+    house, spike, pole = box(10, 30, 60, 60), box(30, 5, 7, 25), box(90, 40, 7, 25)
+    left = drop_thin(house | spike | pole, least_width=0.3)
+    assert not left[:25].any()
+    assert left[45:60, 93].all()
+    assert left[40:80, 20:60].all()
+    assert not (left & ~(house | spike | pole)).any()
+
+
+def test_the_edge_of_the_photo_cuts_no_corners() -> None:
+    cut_off = box(0, 20, 30, 30)
+    left = drop_thin(cut_off, least_width=0.5)
+    assert left[20:50, 0].all()
+    assert not left[20, 29]
+
+
+def test_the_parts_do_not_know_of_each_other() -> None:
+    large, small = box(0, 0, 60, 60), box(61, 0, 6, 6)
+    together = drop_thin(large | small, least_width=0.3)
+    apart = drop_thin(large, least_width=0.3) | drop_thin(small, least_width=0.3)
+    assert together[3, 64]
+    np.testing.assert_array_equal(together, apart)
 
 
 def test_specks_go_and_parts_of_just_the_wanted_size_stay() -> None:
@@ -46,18 +85,40 @@ def test_specks_go_and_parts_of_just_the_wanted_size_stay() -> None:
     np.testing.assert_array_equal(drop_specks(both, min_area_px=0), both)
 
 
-def test_nothing_stays_nothing() -> None:
-    nothing = box(0, 0, 0, 0)
-    assert not drop_specks(nothing, min_area_px=0).any()
-    assert not drop_slivers(nothing, least_width=0.1).any()
+@pytest.mark.parametrize("full", [False, True])
+def test_nothing_stays_nothing_and_everything_everything(*, full: bool) -> None:
+    mask = np.full(SIZE_HW, full)
+    for shaped in (
+        close_gaps(mask, gap_width=0.1),
+        drop_thin(mask, least_width=0.5),
+        drop_specks(mask, min_area_px=0),
+    ):
+        np.testing.assert_array_equal(shaped, mask)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 0.5), st.integers(0, 50))
-def test_both_only_take_away_and_only_once(seed: int, least_width: float, area: int) -> None:
-    mask = np.kron(np.random.default_rng(seed).random((10, 12)) < 0.5, np.ones((10, 10))) > 0
-    slim = drop_slivers(mask, least_width=least_width)
-    assert not (slim & ~mask).any()
-    np.testing.assert_array_equal(drop_slivers(slim, least_width=least_width), slim)
+def test_each_works_in_one_direction_only(seed: int, width: float, area: int) -> None:
+    mask = random_boxes(seed)
+    assert not (mask & ~close_gaps(mask, gap_width=width)).any()
+    assert not (drop_thin(mask, least_width=width) & ~mask).any()
     large = drop_specks(mask, min_area_px=area)
     assert not (large & ~mask).any()
     np.testing.assert_array_equal(drop_specks(large, min_area_px=area), large)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0, 0.3))
+def test_what_is_closed_has_no_gaps_left(seed: int, gap_width: float) -> None:
+    mask = np.pad(random_boxes(seed), 30)  # more than a radius away from the edges
+    closed = close_gaps(mask, gap_width=gap_width)
+    np.testing.assert_array_equal(close_gaps(closed, gap_width=gap_width), closed)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 9))
+def test_closing_is_opencvs_with_a_disk(seed: int, radius_px: int) -> None:
+    mask = random_boxes(seed)
+    offsets = np.arange(-radius_px, radius_px + 1)
+    disk = (offsets[:, None] ** 2 + offsets**2 <= radius_px**2).astype(np.uint8)
+    wide = np.pad(mask, 2 * radius_px, mode="edge").astype(np.uint8)
+    reference = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disk) > 0
+    inside = reference[2 * radius_px : -2 * radius_px, 2 * radius_px : -2 * radius_px]
+    np.testing.assert_array_equal(close_gaps(mask, gap_width=2 * radius_px / 100), inside)
