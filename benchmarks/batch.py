@@ -45,7 +45,7 @@ SHARED_BY = 4  # pairs that have their photo before in common
 GAIN, NOISE = 0.2, 4.0  # of the perturbed photo after: +- share of light, grey levels
 ALONE = {**os.environ, "OMP_NUM_THREADS": "1"}
 REAL_PAIRS = 30  # at the photos' own size
-KILLS, KILL_PAIRS, LATEST_S = 10, 300, 30.0
+KILLS, KILL_PAIRS, LATEST_S = 10, 1000, 30.0
 HOSTILE_PAIRS, CORRUPT = 100, 5  # every fifth photo after is damaged
 WAIT_S = 2.0  # for an address that never answers
 BARE = """
@@ -187,7 +187,8 @@ def measured(
     )
     if kill_after_s is not None:
         time.sleep(kill_after_s)
-        process.kill()
+        # Not process.kill(), which would collect a process that was quicker, and its usage with it.
+        os.kill(process.pid, signal.SIGKILL)
     assert process.stderr is not None  # noqa: S101 - asked for above
     stderr = process.stderr.read()
     _, status, usage = os.wait4(process.pid, 0)
