@@ -36,13 +36,13 @@ def test_what_was_killed_ended_with_the_same_rows_and_masks(
     found = result[step]
     assert found["same_rows"] is True
     assert found["same_files"] is True
-    assert found["rows"] == found["distinct_names"] == 300
+    assert found["rows"] == found["distinct_names"] == 1000
     if step == "kills":
         assert len(found["killed_after_s"]) == 10
         assert found["exit_codes"].count(-9) >= 8  # the others had ended before their moment came
         assert found["last_exit_code"] == 0
     else:
-        assert 0 < found["pairs_done_when_killed"] < 300
+        assert 0 < found["pairs_done_when_killed"] < 1000
         assert found["exit_code"] == 0
 
 
