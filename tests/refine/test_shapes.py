@@ -62,6 +62,21 @@ def test_a_spike_goes_where_a_pole_of_the_same_width_stays() -> None:
     assert not (left & ~(house | spike | pole)).any()
 
 
+def test_a_thing_keeps_its_outline_but_for_its_corners() -> None:
+    left = drop_thin(THING, least_width=7 / 30)
+    assert not (left & ~THING).any()
+    assert left[20:50, 25:45].all()
+    assert left[25:45, 20:50].all()
+
+
+def test_below_two_pixels_nothing_is_filled_or_taken_away() -> None:
+    pitted = THING & ~box(30, 30, 1, 1) | SPECK
+    for width in (0.0, 0.01, 0.019):
+        np.testing.assert_array_equal(close_gaps(pitted, gap_width=width), pitted)
+    for width in (0.0, 0.3, 0.66):  # of the speck, 3 pixels
+        np.testing.assert_array_equal(drop_thin(SPECK, least_width=width), SPECK)
+
+
 def test_the_edge_of_the_photo_cuts_no_corners() -> None:
     cut_off = box(0, 20, 30, 30)
     left = drop_thin(cut_off, least_width=0.5)

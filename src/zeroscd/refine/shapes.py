@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from zeroscd.arrays import Mask
 
 
@@ -27,7 +29,11 @@ def close_gaps(mask: Mask, *, gap_width: float) -> Mask:
         >>> int(close_gaps(two, gap_width=0.06)[45].sum())
         60
     """
-    return ~_open(~mask, radius_px=gap_width * min(mask.shape) / 2)
+    closed = mask.copy()
+    # No gap lies outside of the box around everything; without a change it is a pixel.
+    around = _around(cv2.boundingRect(mask.astype(np.uint8)), mask.shape)
+    closed[around] = ~_open(~mask[around], radius_px=gap_width * min(mask.shape) / 2)
+    return closed
 
 
 def drop_thin(mask: Mask, *, least_width: float) -> Mask:
@@ -51,16 +57,13 @@ def drop_thin(mask: Mask, *, least_width: float) -> Mask:
     """
     if least_width == 0:
         return mask.copy()
-    height, width = mask.shape
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     wide = np.zeros_like(mask)
     for part in range(1, count):
-        left, top, across, down, area_px = boxes[part].tolist()
-        # With a rim of one pixel, so that only the photo's own edge may cut a part off.
-        rows = slice(max(0, top - 1), min(height, top + down + 1))
-        cols = slice(max(0, left - 1), min(width, left + across + 1))
+        *box_xywh, area_px = boxes[part].tolist()
+        around = _around(box_xywh, mask.shape)
         radius_px = least_width * math.sqrt(area_px) / 2
-        wide[rows, cols] |= _open(labels[rows, cols] == part, radius_px=radius_px)
+        wide[around] |= _open(labels[around] == part, radius_px=radius_px)
     return wide
 
 
@@ -75,6 +78,13 @@ def drop_specks(mask: Mask, *, min_area_px: int) -> Mask:
     large = boxes[:, cv2.CC_STAT_AREA] >= min_area_px
     large[0] = False  # what is not in the mask
     return np.asarray(large[labels], dtype=bool)
+
+
+def _around(box_xywh: Sequence[int], size_hw: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of a box with a rim of one pixel: only the photo's own edge may cut it."""
+    left, top, across, down = box_xywh
+    rows = slice(max(0, top - 1), min(size_hw[0], top + down + 1))
+    return rows, slice(max(0, left - 1), min(size_hw[1], left + across + 1))
 
 
 def _open(mask: Mask, *, radius_px: float) -> Mask:
