@@ -168,7 +168,7 @@ def to_json(plan: Plan, measurements: Sequence[Measurement]) -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """Return what may explain a speed: processor, cores, memory, system, versions."""
+    """Return what may explain a speed: processor, cores, system, versions."""
     from zeroscd.fingerprint import versions  # noqa: PLC0415 - as above
 
     return {

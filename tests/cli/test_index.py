@@ -70,7 +70,7 @@ def test_a_query_prints_the_best_photos_first(
 ) -> None:
     assert run(["index", "query", str(old / "b.png"), "--places", places, "-k", "2"]) == 0
     first, second = capsys.readouterr().out.splitlines()
-    assert first.startswith(f"1. {old / 'b.png'} (score 1.00, ")
+    assert first.startswith(f"1. {old / 'b.png'} (score 1.000, ")
     assert second.startswith("2. ")
 
 
@@ -106,6 +106,16 @@ def test_a_position_is_latitude_and_longitude(
     captured = capsys.readouterr()
     assert captured.err.startswith("error: --at needs latitude and longitude in degrees")
     assert captured.err.count("\n") == 1
+
+
+def test_naming_lite_is_the_same_as_naming_nothing(
+    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    query = ["index", "query", str(old / "a.png"), "--places", places]
+    assert run(query) == 0
+    found = capsys.readouterr().out
+    assert run([*query, "--preset", "lite"]) == 0
+    assert capsys.readouterr().out == found
 
 
 def test_another_encoder_than_the_index_has_is_one_line(

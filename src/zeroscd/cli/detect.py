@@ -35,7 +35,7 @@ def detect(
 
     Writes masks, an overlay, changes.json and report.html into OUT.
 
-    Example: zeroscd detect before.jpg after.jpg -o changes --set tau=0.6
+    Example: zeroscd detect before.jpg after.jpg -o changes --set alpha=0.6
     """
     overrides: dict[str, object] = {**parse_overrides(settings)}
     if frame is not None:

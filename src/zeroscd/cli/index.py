@@ -156,14 +156,18 @@ def open_or_create(address: str, wanted: Settings | None, *, device: str) -> Pla
 def wanted_settings(preset: str | None, overrides: list[str] | None) -> Settings | None:
     """Return the settings that a command line names; None if it names none.
 
+    Lite looks at places with fewer pixels than at changes, also when it is named.
+
     Raises:
         SettingsError: An unknown preset or setting.
     """
+    from zeroscd.retrieval.index import DEFAULT
     from zeroscd.settings import preset as named
 
     if preset is None and not overrides:
         return None
-    return named(preset or "lite").override(parse_overrides(overrides))
+    start = DEFAULT if preset in (None, "lite") else named(preset)
+    return start.override(parse_overrides(overrides))
 
 
 def parse_position(text: str | None) -> tuple[float, float] | None:
@@ -206,7 +210,7 @@ def around(place: Place, within: float | None, *, name: str) -> Nearby | None:
 
 def sentence(match: PlaceMatch) -> str:
     """Say what there is to know about a match in one line."""
-    parts = [f"score {match.score:.2f}", f"{match.inliers} patches agree"]
+    parts = [f"score {match.score:.3f}", f"{match.inliers} patches agree"]
     if match.metres is not None:
         parts.append(f"{match.metres:.0f} m away")
     if match.exif.taken is not None:

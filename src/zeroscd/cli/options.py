@@ -35,14 +35,14 @@ def parse_overrides(pairs: list[str] | None) -> dict[str, str]:
         SettingsError: There is no "=" in it.
 
     Example:
-        >>> parse_overrides(["tau=0.6", "verify = off"])
-        {'tau': '0.6', 'verify': 'off'}
+        >>> parse_overrides(["alpha=0.6", "verify = off"])
+        {'alpha': '0.6', 'verify': 'off'}
     """
     found: dict[str, str] = {}
     for pair in pairs or []:
         name, equals, value = pair.partition("=")
         if not equals:
-            message = f"--set needs KEY=VALUE, for example --set tau=0.6, not {pair!r}"
+            message = f"--set needs KEY=VALUE, for example --set alpha=0.6, not {pair!r}"
             raise SettingsError(message)
         found[name.strip()] = value.strip()
     return found

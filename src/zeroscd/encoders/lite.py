@@ -44,7 +44,7 @@ class LiteEncoder:
 
     Attributes:
         name: "lite".
-        tau: Calibrated on the development pairs as a whole (docs/lite.md).
+        tau: 1.1, calibrated on the development pairs as a whole; the preset fits one to each pair.
         side_px: Photos are looked at with about side_px^2 pixels.
     """
 

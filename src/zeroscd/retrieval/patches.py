@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 WINDOWS = (1, 2, 3)  # sides in cells: PlaceFormer's scales, 16, 32 and 48 pixels for patch 16
 MOST_PATCHES = 200  # kept at each scale (docs/places.md)
-CODE_BITS = 256  # of each patch; what more bits are worth is in docs/places.md
+CODE_BITS = 256  # of each patch; what they cost is in docs/places.md
 RIVALS = 5  # most similar other patches of the same photo, which a telling patch has none of
 BLOCK = 128  # patches compared with all others at a time: what fits into a processor's cache
 HEAD = struct.Struct("<If")  # number of patches, size of a patch in pixels
