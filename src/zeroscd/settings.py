@@ -111,7 +111,7 @@ class Settings:
 # Lowest and highest value of the settings that are numbers; both may be taken.
 RANGES: dict[str, tuple[float, float]] = {
     "side_px": (64, 8192),  # at 32 the lite encoder sees one cell, which has no spread
-    "layer": (0, 1000),
+    "layer": (1, 1000),
     "inlier_patches": (0.01, 100),
     "min_inliers": (4, 1_000_000),
     "min_inlier_ratio": (0, 1),

@@ -106,6 +106,12 @@ def test_a_relative_folder_is_made_in_the_working_folder(
     assert everything_below(tmp_path) == {"out", "out/a", "b"}
 
 
+def test_a_way_through_a_folder_that_is_not_there_yet_ends_where_it_says(tmp_path: Path) -> None:
+    write_together(tmp_path / "new" / ".." / "other", {"a": b"x"})
+    assert (tmp_path / "other" / "a").read_bytes() == b"x"
+    assert [path.name for path in tmp_path.iterdir()] == ["other"]
+
+
 @pytest.mark.parametrize("below", ["", "deeper/still"])
 def test_a_file_in_the_way_is_refused_and_stays(tmp_path: Path, below: str) -> None:
     (tmp_path / "out").write_text("a file")

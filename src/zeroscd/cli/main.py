@@ -61,6 +61,11 @@ def main() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; what a user got wrong becomes one line."""
+    if "" in arguments:
+        # As a path it would be the current folder.
+        where = " ".join(["zeroscd", *arguments[: arguments.index("")]])
+        fail(f"the argument after `{where}` is empty; is a variable of the shell not set?")
+        return USER_ERROR
     try:
         code = app(args=list(arguments), prog_name="zeroscd", standalone_mode=False)
     except ZeroscdError as error:

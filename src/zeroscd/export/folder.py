@@ -86,17 +86,19 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
         OutputError: The folder cannot be written.
     """
     check_target(folder)
-    existing = _existing_part(folder)
+    # A ".." in it would lead out of the stage.
+    real = Path(os.path.realpath(folder))
+    existing = _existing_part(real)
     stage = existing / f".zeroscd-{uuid.uuid4().hex[:8]}.part"
     try:
-        inner = stage / folder.relative_to(existing)
+        inner = stage / real.relative_to(existing)
         inner.mkdir(parents=True)
         for name, content in files.items():
             (inner / name).write_bytes(content)
         if inner == stage:
-            _move_into(folder, stage, list(files))
+            _move_into(real, stage, list(files))
         else:
-            missing = folder.relative_to(existing).parts[0]
+            missing = real.relative_to(existing).parts[0]
             (stage / missing).rename(existing / missing)
     except OSError as error:
         message = (
