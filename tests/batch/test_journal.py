@@ -65,6 +65,16 @@ def test_many_rows_of_one_id_are_named_in_order(tmp_path: Path) -> None:
     assert names(tmp_path, *["elm"] * 1201) == ["elm", *(f"elm-{n}" for n in range(2, 1202))]
 
 
+def test_a_name_that_no_database_can_hold_is_a_row_with_an_error(tmp_path: Path) -> None:
+    with Journal(tmp_path) as journal:
+        journal.begin([Row(before="old/caf\udce9.jpg", after="new/caf\udce9.jpg"), *rows("a")])
+        assert journal.unsettled() == 1
+        (task,) = tasks(journal, tmp_path)
+        journal.settle(done(task))
+        odd, _ = journal.pair_rows()
+        assert odd["error"] == "old/caf\\udce9.jpg is not a UTF-8 name; rename it"
+
+
 def test_what_was_settled_comes_back_in_the_manifests_order(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
         assert journal.begin([*rows("a", "b"), Row(error="broken row"), *rows("d")]) == 4

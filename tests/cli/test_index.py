@@ -108,6 +108,25 @@ def test_a_position_is_latitude_and_longitude(
     assert captured.err.count("\n") == 1
 
 
+def test_a_photo_has_one_entry_whichever_way_leads_to_it(
+    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["index", "build", str(old / ".." / "old"), "-o", places]) == 0
+    assert capsys.readouterr().out.startswith("0 photos added, 0 replaced, 3 there already")
+    assert run(["index", "delete", str(old / ".." / "old" / "a.png"), "--places", places]) == 0
+    assert capsys.readouterr().out == "taken out: 1; left: 2\n"
+
+
+def test_a_name_that_is_no_text_is_a_warning_and_the_others_are_added(
+    old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (old / "a.png").rename(old / "caf\udce9.png")
+    assert run(["index", "build", str(old), "-o", str(tmp_path / "places")]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith("2 photos added, 0 replaced, 0 there already, 1 unreadable")
+    assert "is not a UTF-8 name" in captured.err
+
+
 def test_naming_lite_is_the_same_as_naming_nothing(
     old: Path, places: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

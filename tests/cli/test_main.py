@@ -60,7 +60,7 @@ def one_error_line(text: str) -> str:
         (["detect", "a.jpg", "b.jpg", "-o", "in_the_way"], "in_the_way is not a folder"),
         (["demo", "-o", "in_the_way/deeper"], "in_the_way is not a folder"),
         (["detect", "missing.jpg", "b.jpg", "-o", "out"], "missing.jpg does not exist"),
-        (["detect", "a.jpg", "b.jpg", "-o", ""], "the argument after `zeroscd detect a.jpg b.jpg -o`"),
+        (["detect", "a.jpg", "b.jpg", "-o", ""], "after `zeroscd detect a.jpg b.jpg -o` is empty"),
         (["detect", "in_the_way", "b.jpg", "-o", "out"], "in_the_way"),
     ],
 )

@@ -159,6 +159,14 @@ def test_after_ctrl_c_evaluate_says_how_to_go_on(
     assert not (tmp_path / "out" / "scores.json").exists()
 
 
+def test_the_presets_own_tau_is_a_point_like_others(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert not run(app, "ablate", "folder", tiny_folder, "-o", out, "--over", "tau=none,0.65")
+    assert "0.754" in (out / "report.html").read_text()  # the paper's, for the other point
+
+
 def test_ablate_prints_the_curve_beside_the_papers(
     app: typer.Typer, tiny_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -106,6 +106,21 @@ def test_a_relative_folder_is_made_in_the_working_folder(
     assert everything_below(tmp_path) == {"out", "out/a", "b"}
 
 
+def test_writers_that_make_the_same_new_folder_at_once_all_succeed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rename, slower = Path.rename, [tmp_path / "new" / "slow"]
+
+    def overtaken(self: Path, target: Path) -> Path:
+        if slower and slower.pop():
+            write_together(tmp_path / "new" / "fast", {"a": b"fast"})
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", overtaken)
+    write_together(tmp_path / "new" / "slow", {"a": b"slow"})
+    assert everything_below(tmp_path) == {"new", "new/fast", "new/fast/a", "new/slow", "new/slow/a"}
+
+
 def test_a_way_through_a_folder_that_is_not_there_yet_ends_where_it_says(tmp_path: Path) -> None:
     write_together(tmp_path / "new" / ".." / "other", {"a": b"x"})
     assert (tmp_path / "other" / "a").read_bytes() == b"x"

@@ -37,6 +37,13 @@ def test_any_of_the_keys_opens(start: Callable[..., Any], headers: dict[str, str
     assert served.client.get("/v1/presets", headers=headers).status_code == 200
 
 
+def test_a_key_may_hold_any_letter(start: Callable[..., Any]) -> None:
+    served = start(keys=["schl\u00fcssel"])
+    sent = "schl\u00fcssel".encode()
+    for headers in ({"X-API-Key": sent}, {"Authorization": b"Bearer " + sent}):
+        assert served.client.get("/v1/presets", headers=headers).status_code == 200
+
+
 @pytest.mark.parametrize(
     "headers",
     [
@@ -45,12 +52,13 @@ def test_any_of_the_keys_opens(start: Callable[..., Any], headers: dict[str, str
         {"X-API-Key": "firs"},
         {"Authorization": "Bearer"},
         {"Authorization": "Basic first"},
+        {"Authorization": "Basic \u00e9".encode()},
         {"Authorization": basic("wrong")},
         {"Authorization": "Digest first"},
     ],
 )
 def test_without_a_right_key_nothing_opens(
-    start: Callable[..., Any], headers: dict[str, str]
+    start: Callable[..., Any], headers: dict[str, Any]
 ) -> None:
     served = start(keys=["first"])
     for path in ("/v1/presets", "/metrics", "/openapi.json", "/", "/pagedata/samples/before.jpg"):

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,6 +101,27 @@ def test_a_cut_off_checkpoint_is_called_damaged(tmp_path: Path) -> None:
     (tmp_path / "w.pth").write_bytes(data[: len(data) // 2])
     with pytest.raises(WeightsError, match=r"damaged|refused"):
         read_tensors(tmp_path / "w.pth")
+
+
+@pytest.mark.parametrize("content", [b"quota exceeded\n", b"", b"\x80\x02", b"PK\x03\x04"])
+def test_what_is_no_checkpoint_at_all_is_one_line(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "w.pth").write_bytes(content)
+    with pytest.raises(WeightsError, match=r"damaged|refused"):
+        read_tensors(tmp_path / "w.pth")
+
+
+@pytest.mark.parametrize("old_format", [True, False])
+def test_no_altered_byte_of_a_checkpoint_escapes_as_another_error(
+    tmp_path: Path, *, old_format: bool
+) -> None:
+    path = tmp_path / "w.pth"
+    torch.save({"a": torch.ones(3)}, path, _use_new_zipfile_serialization=not old_format)
+    data = path.read_bytes()
+    for at in range(0, len(data), 7):
+        for altered in (data[:at], data[:at] + bytes([data[at] ^ 0x55]) + data[at + 1 :]):
+            path.write_bytes(altered)
+            with suppress(WeightsError):
+                read_tensors(path)
 
 
 def test_data_without_named_tensors_is_no_checkpoint(tmp_path: Path) -> None:

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any, Self
 
 from zeroscd.batch.address import resolve
 from zeroscd.batch.names import safe_name, stem
-from zeroscd.batch.task import Task
+from zeroscd.batch.task import Row, Task
 from zeroscd.errors import OutputError
+from zeroscd.images.read import is_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
 
-    from zeroscd.batch.task import Outcome, Row
+    from zeroscd.batch.task import Outcome
 
 FILE = "journal.sqlite"
 PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
@@ -81,7 +82,7 @@ class Journal:
             for name in RESERVED:
                 self._claim(name)
             count = 0
-            for count, row in enumerate(rows, 1):
+            for count, row in enumerate(map(_storable, rows), 1):
                 name = self._name(safe_name(row.id or stem(row.after or row.before or "pair")))
                 self._database.execute(
                     "INSERT INTO todo VALUES (?, ?, ?, ?, ?, ?, ?)",
@@ -220,3 +221,16 @@ class Journal:
 def _unpack(packed: bytes) -> Mapping[str, Any]:
     content: Mapping[str, Any] = json.loads(zlib.decompress(packed))
     return content
+
+
+def _storable(row: Row) -> Row:
+    """Make an error of a row whose names no database or Parquet file can hold."""
+    named = {"before": row.before, "after": row.after, "id": row.id}
+    if all(value is None or is_text(value) for value in named.values()):
+        return row
+    shown = {
+        key: value and value.encode("utf-8", "backslashreplace").decode()
+        for key, value in named.items()
+    }
+    culprit = next(shown[key] for key, value in named.items() if value and not is_text(value))
+    return Row(**shown, error=f"{culprit} is not a UTF-8 name; rename it")

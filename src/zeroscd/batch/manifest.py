@@ -121,7 +121,7 @@ def _read_jsonl(file: BinaryIO) -> Iterator[Row]:
             continue
         try:
             values = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):  # brackets as deep as the line is long
             values = None
         if isinstance(values, dict):
             yield _row(values)

@@ -51,11 +51,16 @@ def main() -> None:
     """Run the command line of this process and exit: 0 done, 2 user error, 130 interrupted."""
     try:
         code = run(sys.argv[1:])
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # Whoever read stdout has gone; Python would complain again when it flushes at exit.
+        if sys.stdout is not None:  # None: it was closed when the process started
+            sys.stdout.flush()
+    except OSError as error:
+        # Python would complain again when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = CLOSED_PIPE
+        if isinstance(error, BrokenPipeError):  # whoever read stdout has gone
+            code = CLOSED_PIPE
+        else:
+            fail(f"cannot write to the standard output: {error.strerror or error}; make room")
+            code = USER_ERROR
     sys.exit(code)
 
 

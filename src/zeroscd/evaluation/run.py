@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import cv2
 import numpy as np
 
-from zeroscd.errors import SettingsError
+from zeroscd.errors import DatasetError, SettingsError
 from zeroscd.evaluation.journal import Journal, digest_files, digest_scoring, protocol
 from zeroscd.evaluation.scores import Scores, write_json, write_whole
 from zeroscd.evaluation.scoring import (
@@ -27,6 +27,7 @@ from zeroscd.evaluation.scoring import (
 from zeroscd.evaluation.truth import LoadedPair, load_pair
 from zeroscd.export.folder import make_folder
 from zeroscd.fingerprint import digest, digest_values, digest_weights, versions
+from zeroscd.images.read import is_text, one_line
 from zeroscd.progress import Silent
 
 if TYPE_CHECKING:
@@ -120,6 +121,10 @@ class _Desk:
                 f"leave out the setting frame={run.detector.settings.frame}"
             )
             raise SettingsError(message)
+        for files in dataset.pairs:
+            if not is_text(files.stem):
+                message = f"{one_line(files.stem)} in {dataset.name} is not a UTF-8 name; rename it"
+                raise DatasetError(message)
         self.run = run
         self._dataset = dataset
         make_folder(run.out / "masks")

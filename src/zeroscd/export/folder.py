@@ -90,6 +90,7 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
     real = Path(os.path.realpath(folder))
     existing = _existing_part(real)
     stage = existing / f".zeroscd-{uuid.uuid4().hex[:8]}.part"
+    overtaken = False
     try:
         inner = stage / real.relative_to(existing)
         inner.mkdir(parents=True)
@@ -99,7 +100,7 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
             _move_into(real, stage, list(files))
         else:
             missing = real.relative_to(existing).parts[0]
-            (stage / missing).rename(existing / missing)
+            overtaken = not _appears(stage / missing, existing / missing)
     except OSError as error:
         message = (
             f"cannot write {folder}: {error.strerror or error}; make room or choose another folder"
@@ -107,6 +108,19 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
         raise OutputError(message) from error
     finally:
         shutil.rmtree(stage, ignore_errors=True)
+    if overtaken:
+        write_together(folder, files)
+
+
+def _appears(staged: Path, folder: Path) -> bool:
+    """Move a folder to its place; False where another writer has made one there meanwhile."""
+    try:
+        staged.rename(folder)
+    except OSError:
+        if folder.is_dir():
+            return False
+        raise
+    return True
 
 
 def _existing_part(folder: Path) -> Path:

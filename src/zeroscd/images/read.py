@@ -85,6 +85,16 @@ def one_line(path: str) -> str:
     return path if path and path.isprintable() else repr(path)
 
 
+def is_text(name: str) -> bool:
+    r"""Tell whether a name can be stored as UTF-8; file names out of old archives cannot.
+
+    Example:
+        >>> is_text("café"), is_text("caf\udce9")
+        (True, False)
+    """
+    return not any("\ud800" <= c <= "\udfff" for c in name)
+
+
 def read_file(path: str | Path, *, limits: PhotoLimits = DEFAULT_LIMITS) -> bytes:
     """Read a photo's file without looking inside; one byte more than allowed of a larger one.
 

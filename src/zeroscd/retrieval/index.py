@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Self
 
 from zeroscd.errors import DatasetError, ImageError
 from zeroscd.images.exif import Exif, read_exif
-from zeroscd.images.read import one_line, read_file, read_photo
+from zeroscd.images.read import is_text, one_line, read_file, read_photo
 from zeroscd.models import load_encoder
 from zeroscd.progress import Silent
 from zeroscd.retrieval.canary import about, check_canary, describe_canary, settings_from
 from zeroscd.retrieval.describe import describe
 from zeroscd.retrieval.gps import metres
-from zeroscd.retrieval.photos import digest_bytes
+from zeroscd.retrieval.photos import absolute, digest_bytes
 from zeroscd.retrieval.rows import Entry
 from zeroscd.retrieval.store import Store, is_index
 from zeroscd.retrieval.verify import verify
@@ -164,7 +164,7 @@ class PlaceIndex:
         listener, done, known = progress or Silent(), Added(), self._store.known()
         listener.begin(len(paths))
         waiting: list[Entry] = []
-        for path in dict.fromkeys(str(Path(path).absolute()) for path in paths):
+        for path in dict.fromkeys(absolute(path) for path in paths):
             entry = self._take(path, known.get(path), done)
             waiting += [entry] if entry else []
             if len(waiting) == AT_ONCE:
@@ -235,6 +235,9 @@ class PlaceIndex:
 
     def _take(self, path: str, known: str | None, done: Added) -> Entry | None:
         """Describe a photo that is new or changed, and count it."""
+        if not is_text(path):
+            done.failed[path] = f"{one_line(path)} is not a UTF-8 name; rename it"
+            return None
         try:
             content = read_file(path)
             digest = digest_bytes(content)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 from zeroscd.errors import DatasetError
@@ -17,7 +18,7 @@ def list_photos(source: str | Path) -> list[str]:
     Raises:
         DatasetError: There is nothing, or no photo in the folder.
     """
-    root = Path(source).absolute()
+    root = Path(absolute(source))
     if root.is_file():
         return [str(root)]
     if not root.is_dir():
@@ -36,6 +37,16 @@ def list_photos(source: str | Path) -> list[str]:
         )
         raise DatasetError(message)
     return found
+
+
+def absolute(path: str | Path) -> str:
+    """Return the name under which an index keeps a photo: without `..`, links as they are.
+
+    Example:
+        >>> absolute("/old/2019/../elm.jpg")
+        '/old/elm.jpg'
+    """
+    return os.path.abspath(path)  # noqa: PTH100 - `resolve` would follow links
 
 
 def digest_bytes(content: bytes) -> str:

@@ -14,6 +14,7 @@ from zeroscd.errors import DatasetError, OutputError, SettingsError, ZeroscdErro
 from zeroscd.fingerprint import digest_values
 from zeroscd.images.read import one_line
 from zeroscd.retrieval.gps import box_around, metres
+from zeroscd.retrieval.photos import absolute
 from zeroscd.retrieval.rows import Entry, about_of, schema_of, to_entry, to_rows
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ class Store:
         Raises:
             OutputError: It cannot be written.
         """
-        unwanted = [Path(path).absolute() for path in paths]
+        unwanted = [Path(absolute(path)) for path in paths]
         found = [
             known
             for known in self.known()

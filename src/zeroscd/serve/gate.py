@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import base64
-import binascii
 import hmac
 from typing import TYPE_CHECKING
 
@@ -104,7 +103,7 @@ class Gate:
         )
 
     def _has_key(self, headers: Headers) -> bool:
-        given = [headers.get("x-api-key", "").encode(), _credentials(headers)]
+        given = [_sent(headers.get("x-api-key", "")), _credentials(headers)]
         return any(hmac.compare_digest(one, key) for one in given for key in self._keys)
 
     def _polite(self, scope: Scope, send: Send) -> Send:
@@ -198,10 +197,15 @@ def _credentials(headers: Headers) -> bytes:
     """Return the bearer token, or the password that a browser sends."""
     scheme, _, value = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
-        return value.strip().encode()
+        return _sent(value.strip())
     if scheme.lower() != "basic":
         return b""
     try:
         return base64.b64decode(value, validate=True).partition(b":")[2]
-    except binascii.Error:
+    except ValueError:  # not base64, or not even ASCII
         return b""
+
+
+def _sent(value: str) -> bytes:
+    """Return the bytes of a header as the client sent them; the framework reads them as latin-1."""
+    return value.encode("latin-1")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+import struct
 import zipfile
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,11 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
+# What torch.load was seen to raise on files that are cut short, altered or something else.
+DAMAGED = (
+    *(RuntimeError, EOFError, OSError, ValueError, LookupError, AssertionError, TypeError),
+    *(AttributeError, struct.error, zipfile.BadZipFile),
+)
 WRAPPERS = ("model_state_dict", "state_dict", "model")  # where training scripts put the tensors
 
 # Training scripts save their best scores beside the weights, often as NumPy numbers. Rebuilding
@@ -79,6 +85,6 @@ def _read_pytorch(path: Path) -> Any:  # noqa: ANN401 - whatever data the file h
         what = f"it names {found[1]}" if found else "not a file of data only"
         message = f"{path} is refused: {what}; weights must be tensors, nothing that runs"
         raise WeightsError(message) from why
-    except (RuntimeError, EOFError, OSError, ValueError, KeyError) as why:
+    except DAMAGED as why:
         message = f"{path} is damaged or not a weight file ({str(why)[:120].split(chr(10))[0]})"
         raise WeightsError(message) from why

@@ -24,9 +24,16 @@ def weights_folder() -> Path:
 
     It is `weights` in the folder that ZEROSCD_HOME names, else in the user's cache folder by the
     convention of the operating system.
+
+    Raises:
+        WeightsError: The variable names no folder.
     """
     home = os.environ.get(HOME_VARIABLE)
-    root = Path(home).expanduser() if home else user_cache_path("zeroscd", appauthor=False)
+    try:
+        root = Path(home).expanduser() if home else user_cache_path("zeroscd", appauthor=False)
+    except RuntimeError as why:
+        message = f"{HOME_VARIABLE}={home} names a user without a home; set it to a folder"
+        raise WeightsError(message) from why
     return root / "weights"
 
 

@@ -25,7 +25,8 @@ def paper_value(point: Point) -> float | None:
     """
     values = point.values
     if set(values) == {"tau"}:
-        return PAPER_TAU.get(float(values["tau"]))
+        none = values["tau"].lower() == "none"  # the preset's own
+        return None if none else PAPER_TAU.get(float(values["tau"]))
     if set(values) == {"encoder"}:
         return PAPER_ENCODER.get(values["encoder"])
     return None
