@@ -153,3 +153,23 @@ def test_a_reader_who_leaves_early_sees_no_traceback() -> None:
     _, complaints = process.communicate()
     assert complaints == ""
     assert process.returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("where", "code", "complaints"),
+    [
+        (">&-", 0, ""),
+        (
+            "> /dev/full",
+            2,
+            "error: cannot write to the standard output: no space left; make room\n",
+        ),
+    ],
+)
+def test_a_result_that_nobody_can_read_is_no_traceback(
+    where: str, code: int, complaints: str
+) -> None:
+    program = "from zeroscd.cli.main import main; import sys; sys.argv[1:] = ['--version']; main()"
+    command = f'"{sys.executable}" -c "{program}" {where}'
+    done = subprocess.run(["/bin/sh", "-c", command], check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (code, complaints)

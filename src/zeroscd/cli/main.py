@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from typing import TYPE_CHECKING, Annotated
@@ -54,13 +55,14 @@ def main() -> None:
         if sys.stdout is not None:  # None: it was closed when the process started
             sys.stdout.flush()
     except OSError as error:
+        gone, full = isinstance(error, BrokenPipeError), error.errno == errno.ENOSPC
+        if not (gone or full):
+            raise
         # Python would complain again when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if isinstance(error, BrokenPipeError):  # whoever read stdout has gone
-            code = CLOSED_PIPE
-        else:
-            fail(f"cannot write to the standard output: {error.strerror or error}; make room")
-            code = USER_ERROR
+        if full:  # what a command writes elsewhere says so itself
+            fail("cannot write to the standard output: no space left; make room")
+        code = CLOSED_PIPE if gone else USER_ERROR
     sys.exit(code)
 
 
