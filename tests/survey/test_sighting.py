@@ -51,6 +51,11 @@ def test_the_best_old_photo_is_taken_with_what_speaks_for_it() -> None:
     assert (found.score, found.inliers, found.metres) == (0.4, 9, 3.0)
 
 
+def test_no_detour_in_its_path_makes_a_photo_its_own_old_one() -> None:
+    found = look("/a/../new.jpg", ScriptedIndex([match("/new.jpg", 1.0), match("/old.jpg", 0.4)]))
+    assert found.old == "/old.jpg"
+
+
 def test_a_weak_match_is_a_reason_and_not_a_match() -> None:
     found = look("/new.jpg", ScriptedIndex([match("/far/old.jpg", 0.19)]), least_score=0.2)
     assert found.old is None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from zeroscd.errors import ImageError
 from zeroscd.retrieval.index import RECOGNISED
+from zeroscd.retrieval.photos import absolute
 from zeroscd.retrieval.store import Nearby
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def sight(new: str, index: PlaceIndex, rules: Rules) -> Sighting:
         if place.exif.gps is None:
             return Sighting(new=new, reason="the photo does not say where it was taken")
         nearby = Nearby(place.exif.gps, rules.within_m)
-    itself = str(Path(new).absolute())
+    itself = absolute(new)
     found = [match for match in index.find(place, 2, nearby=nearby) if match.path != itself]
     return _judge(new, found[0] if found else None, rules)
 
