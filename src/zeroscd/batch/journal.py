@@ -225,12 +225,14 @@ def _unpack(packed: bytes) -> Mapping[str, Any]:
 
 def _storable(row: Row) -> Row:
     """Make an error of a row whose names no database or Parquet file can hold."""
-    named = {"before": row.before, "after": row.after, "id": row.id}
-    if all(value is None or is_text(value) for value in named.values()):
+    names = (row.before, row.after, row.id)
+    odd = [_shown(name) for name in names if name and not is_text(name)]
+    if not odd:
         return row
-    shown = {
-        key: value and value.encode("utf-8", "backslashreplace").decode()
-        for key, value in named.items()
-    }
-    culprit = next(shown[key] for key, value in named.items() if value and not is_text(value))
-    return Row(**shown, error=f"{culprit} is not a UTF-8 name; rename it")
+    before, after, called = (name and _shown(name) for name in names)
+    error = f"{odd[0]} is not a UTF-8 name; rename it"
+    return Row(before=before, after=after, id=called, error=error)
+
+
+def _shown(name: str) -> str:
+    return name.encode("utf-8", "backslashreplace").decode()

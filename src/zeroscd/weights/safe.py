@@ -18,10 +18,18 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-# What torch.load was seen to raise on files that are cut short, altered or something else.
+# What reading may raise on files that are cut short, altered or something else.
 DAMAGED = (
-    *(RuntimeError, EOFError, OSError, ValueError, LookupError, AssertionError, TypeError),
-    *(AttributeError, struct.error, zipfile.BadZipFile),
+    RuntimeError,
+    EOFError,
+    OSError,
+    ValueError,
+    LookupError,
+    AssertionError,
+    TypeError,
+    AttributeError,
+    struct.error,
+    zipfile.BadZipFile,
 )
 WRAPPERS = ("model_state_dict", "state_dict", "model")  # where training scripts put the tensors
 
