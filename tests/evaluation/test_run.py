@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from zeroscd.errors import SettingsError
+from zeroscd.errors import DatasetError, SettingsError
 from zeroscd.evaluation.datasets.catalogue import open_dataset
 from zeroscd.evaluation.run import Run, evaluate, evaluate_all
 
@@ -56,6 +56,16 @@ def test_a_detector_in_the_wrong_frame_is_refused(
     dataset = open_dataset("folder", tiny_folder)
     with pytest.raises(SettingsError, match="t1 frame"):
         evaluate(dataset, Run(detector=toy.ToyDetector.in_frame("t0"), out=tmp_path / "out"))
+
+
+def test_a_mask_that_cannot_be_read_leaves_no_folder_behind(
+    tiny_folder: Path, tmp_path: Path, toy: ModuleType
+) -> None:
+    (tiny_folder / "mask" / "a.png").write_text("no picture")
+    dataset = open_dataset("folder", tiny_folder)
+    with pytest.raises(DatasetError, match=r"a\.png"):
+        evaluate(dataset, Run(detector=toy.ToyDetector.in_frame("t1"), out=tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
 
 
 def test_two_detectors_in_one_pass_score_as_each_alone(

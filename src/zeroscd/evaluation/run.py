@@ -25,7 +25,7 @@ from zeroscd.evaluation.scoring import (
     why_not_aligned,
 )
 from zeroscd.evaluation.truth import LoadedPair, load_pair
-from zeroscd.export.folder import make_folder
+from zeroscd.export.folder import check_target
 from zeroscd.fingerprint import digest, digest_values, digest_weights, versions
 from zeroscd.images.read import is_text, one_line
 from zeroscd.progress import Silent
@@ -127,7 +127,7 @@ class _Desk:
                 raise DatasetError(message)
         self.run = run
         self._dataset = dataset
-        make_folder(run.out / "masks")
+        check_target(run.out / "masks")  # made with the first score: a data set may be no good
         self._journal = Journal(run.out / "pairs.jsonl")
         self._fingerprint = digest_values(
             {
