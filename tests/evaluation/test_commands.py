@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 import typer
 
@@ -17,8 +18,11 @@ from zeroscd.evaluation.run import Run
 from zeroscd.models import Models
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
     from types import ModuleType
+
+    from numpy.typing import NDArray
 
     from zeroscd.evaluation.datasets.port import Dataset
     from zeroscd.settings import Settings
@@ -88,6 +92,43 @@ def test_evaluate_writes_the_promised_files_and_prints_the_table(
     assert "F1, mean over pairs" in shown.out
     assert "0.200" in shown.out
     assert "3 pairs, t0/ t1/ mask/ with equal names" in shown.err
+
+
+def test_a_mask_that_is_not_as_large_as_its_photo_is_named(
+    app: typer.Typer,
+    tiny_folder: Path,
+    tmp_path: Path,
+    save: Callable[[Path, NDArray[np.uint8]], Path],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = "evaluate", "folder", tiny_folder, "-o", tmp_path / "out"
+    run(app, *words)
+    assert "as large" not in capsys.readouterr().err
+    save(tiny_folder / "mask" / "b.png", np.zeros((20, 60), np.uint8))
+    for _ in range(2):  # also when its score comes from the journal
+        run(app, *words)
+        (line,) = [one for one in capsys.readouterr().err.splitlines() if "as large" in one]
+        assert line.startswith("warning: not as large as their t1 photo: masks of b; what")
+    said = line.removeprefix("warning: ")
+    scores = json.loads((tmp_path / "out" / "scores.json").read_text())
+    assert said in scores["protocol"]["notes"]
+    assert said in (tmp_path / "out" / "report.html").read_text()
+    run(app, "ablate", "folder", tiny_folder, "-o", tmp_path / "sweep", "--over", "tau=1")
+    assert line in capsys.readouterr().err
+
+
+def test_a_protocol_that_sets_one_size_takes_masks_of_any_size(
+    app: typer.Typer,
+    tmp_path: Path,
+    save: Callable[[Path, NDArray[np.uint8]], Path],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    test = tmp_path / "test"
+    for part in ("t0", "t1"):
+        save(test / part / "000_1_00_0.png", np.full((96, 128, 3), 90, np.uint8))
+    save(test / "mask" / "000_1_00_0.png", np.zeros((64, 64), np.uint8))
+    run(app, "evaluate", "vl-cmu-cd", tmp_path, "-o", tmp_path / "out")
+    assert "as large" not in capsys.readouterr().err
 
 
 def test_evaluate_keeps_to_the_first_pairs(

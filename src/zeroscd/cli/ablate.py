@@ -69,6 +69,8 @@ def ablate(
         write_figures(out, charts=page.charts)
     for table in page.tables:
         typer.echo(table.to_text())
+    for doubt in points[0].scores.warnings:
+        warn(doubt)
     say(f"report: {report}")
 
 

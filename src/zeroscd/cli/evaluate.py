@@ -78,6 +78,8 @@ def evaluate(
         write_figures(out, charts=page.charts, panels=page.panels)
     for table in reversed(page.tables):
         typer.echo(table.to_text())
+    for doubt in scores.warnings:
+        warn(doubt)
     say(f"report: {report}")
 
 

@@ -160,6 +160,7 @@ class _Desk:
         self, files: PairFiles, content: str, pair: LoadedPair, detected: _Detected
     ) -> PairScore:
         result, counted = detected.result, self._dataset.counted
+        found = predicted_mask(result, counted)
         score = PairScore(
             stem=files.stem,
             counts=count_pair(result, pair.truth, counted),
@@ -173,8 +174,9 @@ class _Desk:
                 else agreement(result.mask, detected.swapped_mask)
             ),
             not_aligned=why_not_aligned(result),
+            resized=found.shape != pair.truth.changed.shape,
         )
-        write_whole(self._mask_path(files), _png(predicted_mask(result, counted)))
+        write_whole(self._mask_path(files), _png(found))
         self._journal.add(self.key(files, content), score)
         return score
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import OutputError
 from zeroscd.evaluation.bootstrap import intervals
+from zeroscd.evaluation.datasets.tree import shorten
 from zeroscd.evaluation.journal import protocol
 from zeroscd.evaluation.metrics import Summary, false_positive_rate, pool, summarise
 from zeroscd.export.folder import replacing
@@ -67,6 +68,21 @@ class Scores:
             for number in numbers
         }
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What puts the scores in doubt, a sentence each; the data set's notes say the rest.
+
+        Where a protocol brings photos and masks to one size, masks of any size are in order.
+        """
+        resized = [pair.stem for pair in self.pairs if pair.resized]
+        if not resized:
+            return ()
+        frame = self.dataset.frame
+        return (
+            f"not as large as their {frame} photo: masks of {shorten(resized)}; what was found is "
+            "scaled to them, so they must show the whole of that photo",
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `scores.json`: fractions 0..1, None where no pair counts."""
         counts = [pair.counts for pair in self.pairs]
@@ -81,7 +97,7 @@ class Scores:
             "settings": self.settings.to_dict(),
             "versions": versions(),
             "preset": self.preset,
-            "protocol": {**protocol(self.dataset), "notes": list(self.dataset.notes)},
+            "protocol": {**protocol(self.dataset), "notes": [*self.dataset.notes, *self.warnings]},
             "intervals_95": {name: list(ends) for name, ends in intervals(counts).items()},
             "empty_pairs_as_zero": asdict(summarise(counts, empty="zero")),
             "empty_pairs_as_one": asdict(summarise(counts, empty="one")),

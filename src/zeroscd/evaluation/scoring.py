@@ -67,6 +67,7 @@ class PairScore:
         kinds: None where the data does not tell removed from added.
         consistency: IoU with the mask found after swapping the photos; None when not asked for.
         not_aligned: Why the photos were compared without alignment, or None.
+        resized: The true mask was not as large as its photo.
     """
 
     stem: str
@@ -77,6 +78,7 @@ class PairScore:
     kinds: KindHits | None = None
     consistency: float | None = None
     not_aligned: str | None = None
+    resized: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""

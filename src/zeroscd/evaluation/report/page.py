@@ -151,6 +151,7 @@ def protocol_facts(scores: Scores) -> tuple[str, ...]:
         "pairs without any change are left out of the means and counted on their own",
         f"{seconds:.2f} s per pair on average",
         *dataset.notes,
+        *scores.warnings,
     )
 
 
