@@ -8,6 +8,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 import pytest
+import torch
 
 from zeroscd.errors import WeightsError
 from zeroscd.weights.fetch import adopt, fetch
@@ -247,6 +248,18 @@ def test_a_wrong_file_at_hand_is_refused_and_left_alone(
         adopt(row, source, progress=quiet)
     assert source.read_bytes() == b"something else"
     assert not folder.exists()
+
+
+def test_without_a_published_digest_only_weights_are_taken(
+    row_of: Callable[..., WeightFile], tmp_path: Path, folder: Path
+) -> None:
+    source, row = tmp_path / "model.pth", row_of(b"", sha256="", size_bytes=None)
+    source.write_bytes(b"<html>sign in to download</html>")
+    with pytest.raises(WeightsError, match=r"model\.pth (is refused|is damaged or not a weight)"):
+        adopt(row, source, progress=quiet)
+    assert not folder.exists()
+    torch.save({"a": torch.ones(2)}, source)
+    assert adopt(row, source, progress=quiet).read_bytes() == source.read_bytes()
 
 
 def test_the_published_beginning_of_a_digest_is_enough_to_refuse(

@@ -28,6 +28,7 @@ def test_a_fault_says_what_was_found_and_what_was_expected(
     path = tmp_path / "file"
     row = row_of(b"abc")
     assert fault_of(path, row) == "is missing"
+    assert fault_of(tmp_path, row) == "is a folder"
     path.write_bytes(b"abcd")
     assert fault_of(path, row) == "has 4 bytes, expected 3"
     path.write_bytes(b"abd")

@@ -63,11 +63,16 @@ def adopt(row: WeightFile, source: Path, *, progress: Progress) -> Path:
     """Copy a file that the user has into its place, if it is the right one.
 
     Raises:
-        WeightsError: It cannot be read, is not the published file, or there is no room.
+        WeightsError: It cannot be read, is not the published file (or, where no digest is
+            published, no weights at all), or there is no room.
     """
     if fault := fault_of(source, row):
         message = f"{source} {fault}: it is not the published file of {row.name} ({row.page})"
         raise WeightsError(message)
+    if not row.sha256:
+        from zeroscd.weights.safe import read_tensors  # noqa: PLC0415 - imports torch
+
+        read_tensors(source)  # nothing else tells it from any other file
     target, size = path_of(row), source.stat().st_size
     with sole_writer(target) as part:
         check_room(part.parent, size)

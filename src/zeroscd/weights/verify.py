@@ -36,6 +36,8 @@ def fault_of(path: Path, row: WeightFile) -> str | None:
     Raises:
         WeightsError: The file cannot be read.
     """
+    if path.is_dir():
+        return "is a folder"
     if not path.is_file():
         return "is missing"
     size = path.stat().st_size
