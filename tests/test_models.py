@@ -13,7 +13,14 @@ from PIL import Image
 
 from zeroscd import models
 from zeroscd.errors import SettingsError, WeightsError
-from zeroscd.models import ENCODERS, SEGMENTERS, load_models, pick_device, pick_precision
+from zeroscd.models import (
+    ENCODERS,
+    SEGMENTERS,
+    check_models,
+    load_models,
+    pick_device,
+    pick_precision,
+)
 from zeroscd.settings import PRESETS, Settings
 from zeroscd.weights.catalogue import CATALOGUE, find
 
@@ -78,6 +85,24 @@ def test_a_missing_extra_is_noticed_before_anything_heavy_is_imported(
     with pytest.raises(SettingsError, match=r"pip install 'zeroscd\[models\]'"):
         load_models(PRESETS["dinov2-b"], device="cpu")
     assert time.process_time() - start < SECONDS_TO_ANSWER
+
+
+def test_what_is_missing_is_found_without_loading_what_is_there(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def load(module: str) -> Any:
+        raise AssertionError(module)
+
+    monkeypatch.setattr(models, "import_module", load)
+    check_models(Settings())
+    with pytest.raises(WeightsError, match="dinov2-s"):
+        check_models(Settings(encoder="dinov2-s"))
+    with pytest.raises(SettingsError, match="unknown segmenter 'sam'"):
+        check_models(Settings(segmenter="sam"))
+    pretend_present(folder, "dinov2-s")
+    monkeypatch.setattr("zeroscd.weights.backend.find_spec", lambda _: None)
+    with pytest.raises(SettingsError, match="needs transformers"):
+        check_models(Settings(encoder="dinov2-s"))
 
 
 @pytest.mark.parametrize("table", [ENCODERS, SEGMENTERS])

@@ -62,6 +62,16 @@ class Models:
     segmenter: Segmenter
 
 
+def check_models(settings: Settings) -> None:
+    """Look for everything that the models of some settings need, without loading them.
+
+    Raises:
+        SettingsError: An unknown encoder or segmenter, or packages that are missing.
+        WeightsError: Weights are missing.
+    """
+    _require(_recipes_of(settings))
+
+
 def load_models(settings: Settings, *, device: str = "auto") -> Models:
     """Load the encoder and the segmenter that the settings name.
 
@@ -73,9 +83,7 @@ def load_models(settings: Settings, *, device: str = "auto") -> Models:
             packages that are missing.
         WeightsError: Their weights are missing or damaged.
     """
-    encoder = _recipe(ENCODERS, "encoder", settings.encoder)
-    segmenter = _recipe(SEGMENTERS, "segmenter", settings.segmenter)
-    return Models(*_load([encoder, segmenter], settings, device=device))
+    return Models(*_load(_recipes_of(settings), settings, device=device))
 
 
 def load_encoder(settings: Settings, *, device: str = "auto") -> PatchEncoder:
@@ -164,11 +172,22 @@ def _recipe(table: dict[str, Recipe], kind: str, name: str) -> Recipe:
     return table[name]
 
 
-def _load(recipes: Sequence[Recipe], settings: Settings, *, device: str) -> list[Any]:
-    """Make models for a device, after everything that any of them needs was looked for."""
+def _recipes_of(settings: Settings) -> list[Recipe]:
+    return [
+        _recipe(ENCODERS, "encoder", settings.encoder),
+        _recipe(SEGMENTERS, "segmenter", settings.segmenter),
+    ]
+
+
+def _require(recipes: Sequence[Recipe]) -> None:
     require(recipe.weights for recipe in recipes if recipe.weights)
     if any(recipe.extra for recipe in recipes):
         require_installed()
+
+
+def _load(recipes: Sequence[Recipe], settings: Settings, *, device: str) -> list[Any]:
+    """Make models for a device, after everything that any of them needs was looked for."""
+    _require(recipes)
     target = pick_device(device)
     decided = settings.override({"precision": pick_precision(settings.precision, device=target)})
     return [import_module(recipe.module).load(decided, target) for recipe in recipes]

@@ -57,6 +57,9 @@ def app(toy: ModuleType, monkeypatch: pytest.MonkeyPatch) -> typer.Typer:
         def __init__(self, preset: str, device: str) -> None:
             self.preset = preset
 
+        def check(self, settings: Settings) -> None:
+            """Everything is there."""
+
         def load(self, settings: Settings) -> Models:
             return Models(StillEncoder(), StillSegmenter())
 

@@ -79,6 +79,11 @@ class _Workshop:
     preset: str
     device: str
 
+    def check(self, settings: Settings) -> None:
+        from zeroscd.models import check_models
+
+        check_models(settings)
+
     def load(self, settings: Settings) -> Models:
         from zeroscd.models import load_models
 

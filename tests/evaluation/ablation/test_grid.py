@@ -14,6 +14,16 @@ def test_a_range_ends_with_its_last_value_and_has_no_rounding_dust() -> None:
     assert parse_axis("x=1:2:0.4").values == ("1", "1.4", "1.8")
 
 
+def test_a_value_that_is_given_twice_is_one_point() -> None:
+    assert parse_axis("tau=1,0,1.0,none,0.0,1,none").values == ("1", "0", "none")
+
+
+def test_a_setting_varies_along_one_axis_only() -> None:
+    axes = [parse_axis("tau=1"), parse_axis("alpha=1"), parse_axis("tau=0.5")]
+    with pytest.raises(SettingsError, match="--over names tau twice"):
+        combine(axes)
+
+
 @pytest.mark.parametrize(
     "text", ["tau", "tau=", "=1", "tau=1:2", "tau=a:b:c", "tau=0:1:0", "tau=1:0:0.1", "x=0:1:1e-9"]
 )

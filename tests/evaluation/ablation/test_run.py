@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from zeroscd.errors import SettingsError
+from zeroscd.errors import SettingsError, WeightsError
 from zeroscd.evaluation.ablation.grid import Axis, combine, parse_axis
 from zeroscd.evaluation.ablation.run import Plan, ablate
 from zeroscd.evaluation.datasets.catalogue import open_dataset
@@ -27,8 +27,13 @@ class ToyWorkshop:
     toy: ModuleType
     encoder: Any
     segmenter: Any
+    missing: str = ""
     loads: list[str] = field(default_factory=list)
     compared: int = 0
+
+    def check(self, settings: Settings) -> None:
+        if settings.encoder == self.missing:
+            raise WeightsError(self.missing)
 
     def load(self, settings: Settings) -> Models:
         self.loads.append(settings.encoder)
@@ -113,6 +118,20 @@ def test_an_ablation_that_was_stopped_computes_nothing_twice(
     for axis in ("tau=1", "tau=1", "tau=0.5,1"):
         ablate(dataset, plan_for(tmp_path, parse_axis(axis)), workshop)
     assert workshop.encoder.asked == len(dataset.pairs)
+
+
+def test_missing_weights_are_noticed_before_the_first_point(
+    tiny_folder: Path, tmp_path: Path, workshop: ToyWorkshop
+) -> None:
+    workshop.missing = "dinov2-s"
+    with pytest.raises(WeightsError, match="dinov2-s"):
+        ablate(
+            open_dataset("folder", tiny_folder),
+            plan_for(tmp_path / "out", parse_axis("encoder=lite,dinov2-s")),
+            workshop,
+        )
+    assert workshop.loads == []
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_unknown_setting_is_refused_before_anything_is_computed(

@@ -54,16 +54,27 @@ def parse_axis(text: str) -> Axis:
 
 
 def combine(axes: Sequence[Axis]) -> list[dict[str, str]]:
-    """Return every combination of values, the last axis changing fastest."""
+    """Return every combination of values, the last axis changing fastest.
+
+    Raises:
+        SettingsError: Two axes vary the same setting.
+    """
     names = [axis.name for axis in axes]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        message = f"--over names {twice} twice; give all its values at once: {twice}=value,value"
+        raise SettingsError(message)
     return [
         dict(zip(names, values, strict=True)) for values in product(*(axis.values for axis in axes))
     ]
 
 
 def _split(listed: str) -> tuple[str, ...]:
-    values = (value.strip() for value in listed.split(","))
-    return tuple(dict.fromkeys(value for value in values if value))
+    found: dict[Decimal | str, str] = {}
+    for value in filter(None, map(str.strip, listed.split(","))):
+        number = _as_number(value)
+        found.setdefault(value if number is None else number, value)  # 1 and 1.0 are one point
+    return tuple(found.values())
 
 
 def _count_through(listed: str) -> tuple[str, ...]:

@@ -36,6 +36,10 @@ OUTSIDE_NETWORKS = frozenset({"align", "change", "refine", "frame"})
 class Workshop(Protocol):
     """Where an ablation gets its models and detectors from."""
 
+    def check(self, settings: Settings) -> None:
+        """Refuse settings whose models cannot be loaded, without loading them."""
+        ...
+
     def load(self, settings: Settings) -> Models:
         """Load the encoder and the segmenter that the settings name."""
         ...
@@ -84,16 +88,20 @@ def ablate(
     then do not depend on tau and are computed once.
 
     Raises:
-        SettingsError: A setting is unknown or cannot take a value.
+        SettingsError: A setting is unknown, varied twice or cannot take a value.
+        WeightsError: Weights of one of the models are missing.
         DatasetError: A mask cannot be read.
         OutputError: The folder cannot be written.
     """
     combinations = combine(plan.axes)
     shared = plan.settings.override({"frame": dataset.frame, "prompting": "everything"})
     tried = [shared.override(values) for values in combinations]
+    groups = _with_equal_networks(tried)
+    for members in groups:  # all of them before the hours that the first may take
+        workshop.check(tried[members[0]])
     store = ArrayStore(plan.out / "cache", most_bytes=plan.cache_bytes)
     scores: dict[int, Scores] = {}
-    for members in _with_equal_networks(tried):
+    for members in groups:
         first = tried[members[0]]
         models, memory = _cached(workshop.load(first), first, store), PairMemory()
         runs = [
