@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,6 +64,36 @@ def test_a_build_says_what_it_added_and_again_what_was_there(
     assert "0 photos added, 0 replaced, 2 there already, 1 unreadable" in captured.out
     assert "warning: " in captured.err
     assert "a.png" in captured.err
+
+
+@pytest.mark.parametrize("below", ["", "deeper"])
+def test_a_file_in_the_way_is_refused_before_the_encoder_is_loaded(
+    below: str,
+    old: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("zeroscd.retrieval.index.load_encoder", None)
+    (tmp_path / "places").write_text("a file")
+    assert run(["index", "build", str(old), "-o", str(tmp_path / "places" / below)]) == 2
+    assert capsys.readouterr().err.endswith("places is not a folder; choose another folder\n")
+    assert (tmp_path / "places").read_text() == "a file"
+
+
+def test_a_folder_that_may_not_be_written_is_refused_also_for_an_index_that_is_there(
+    old: Path,
+    places: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    # Who runs the tests as root may write anywhere, so the answer of the system is played.
+    monkeypatch.setattr("os.access", lambda _, mode, **__: mode == os.R_OK)
+    for out in (places, str(tmp_path / "new")):
+        assert run(["index", "build", str(old), "-o", out]) == 2
+        assert f"error: cannot write {out}: no permission to write" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
 
 
 def test_a_query_prints_the_best_photos_first(

@@ -180,3 +180,12 @@ def test_making_an_index_says_nothing_on_the_terminal(
     made.tidy()
     made.nearest(entry(1).place.vector, 1)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_failure_deep_in_the_index_is_told_without_the_place_in_lancedbs_source(
+    store: Store, address: str
+) -> None:
+    (Path(address) / "places.lance" / "data").write_text("in the way")
+    with pytest.raises(OutputError, match=r"^cannot write the place index .*places: ") as caught:
+        store.put([entry(1)])
+    assert ".rs" not in str(caught.value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,6 +11,7 @@ import typer
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import Device, Overrides, Places, Within, parse_overrides
 from zeroscd.errors import SettingsError
+from zeroscd.export.folder import check_target
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -143,8 +144,10 @@ def open_or_create(address: str, wanted: Settings | None, *, device: str) -> Pla
 
     Raises:
         SettingsError: It was made with other settings than those wanted.
-        OutputError: It cannot be made.
+        OutputError: Its folder can never be written.
     """
+    if "://" not in address:
+        check_target(Path(address))
     from zeroscd.retrieval import PlaceIndex
     from zeroscd.retrieval.store import is_index
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -34,6 +35,7 @@ APPROXIMATE_FROM = 100_000
 REFINE = 10  # times as many candidates as asked for are compared again exactly
 PROBES = 40  # cells of the approximate index that are searched
 ROUNDS = 10  # of k-means for the cells; what they miss, the exact comparison makes good
+RUST_LINE = re.compile(r", \S+\.rs:\d+:\d+$")  # where in LanceDB's source it failed
 KEPT = timedelta(days=1)  # what was replaced, for surveys that have the index open
 
 
@@ -248,7 +250,7 @@ def _telling(what: str, kind: type[ZeroscdError]) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError, ValueError) as error:  # a disk or network, as LanceDB puts it
-        reason = (str(error).splitlines() or [repr(error)])[0]
+        reason = RUST_LINE.sub("", (str(error).splitlines() or [repr(error)])[0])
         message = f"{what}: {reason}"
         raise kind(message) from error
 
