@@ -85,6 +85,8 @@ def test_later_overrides_win() -> None:
         ("alpha", "1.01", "must lie between 0 and 1"),
         ("tau", -0.1, "must lie between 0 and 2"),
         ("tau", "high", "needs a float"),
+        ("tau", 10**400, "needs a float"),
+        ("seed", 10**400, "must lie between 0 and"),
         ("tau", "nan", "needs a float"),
         ("alpha", "inf", "needs a float"),
         ("alpha", None, "needs a float"),

@@ -274,7 +274,7 @@ def _convert(value: object, hint: Any) -> Any:  # noqa: ANN401 - a type annotati
         return None
     try:
         return hint(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
 
 

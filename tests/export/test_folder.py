@@ -127,6 +127,12 @@ def test_a_way_through_a_folder_that_is_not_there_yet_ends_where_it_says(tmp_pat
     assert [path.name for path in tmp_path.iterdir()] == ["other"]
 
 
+def test_a_path_with_a_null_character_is_refused(result: ChangeResult, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"a\\x00b': no path holds a null character"):
+        result.save(tmp_path / "a\0b")
+    assert everything_below(tmp_path) == set()
+
+
 @pytest.mark.parametrize("below", ["", "deeper/still"])
 def test_a_file_in_the_way_is_refused_and_stays(tmp_path: Path, below: str) -> None:
     (tmp_path / "out").write_text("a file")

@@ -38,8 +38,11 @@ def check_target(folder: Path) -> None:
     """Refuse, before any work is done, a folder that can never be written.
 
     Raises:
-        OutputError: It is a file, lies below one, or may not be written to.
+        OutputError: It is a file, lies below one, may not be written to, or is no path at all.
     """
+    if "\0" in str(folder):
+        message = f"cannot write {str(folder)!r}: no path holds a null character; leave it out"
+        raise OutputError(message)
     nearest = _existing_part(folder)
     if not nearest.is_dir():
         message = f"cannot write {folder}: {nearest} is not a folder; choose another folder"
