@@ -35,6 +35,7 @@ LAYERS = (
     ("survey",),
     ("serve", "bench"),
     ("cli",),
+    ("__main__",),
 )
 LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}
 HOMES = {

@@ -4,6 +4,8 @@ import os
 import resource
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,8 +15,8 @@ from zeroscd.cli.main import run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
+ROOT = Path(__file__).parents[2]
 SLOW_MODULES = ("torch", "cv2", "numpy", "PIL")
 HELP_CPU_SECONDS = 1.0  # 0.35 on a two-core machine; three times that on a busy one
 
@@ -135,6 +137,28 @@ def test_a_missing_photo_is_refused_before_torch_is_imported(tmp_path: Path) -> 
 
 def test_the_process_exits_with_the_code_and_one_line() -> None:
     done = python("import sys; from zeroscd.cli.main import main; sys.argv[1:] = ['fly']; main()")
+    assert done.returncode == 2
+    assert done.stderr == "error: No such command 'fly'; see `zeroscd --help`\n"
+
+
+def test_ctrl_c_while_the_command_line_is_imported_is_no_traceback() -> None:
+    code = (
+        "import sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'typer': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from zeroscd.__main__ import main; main()"
+    )
+    done = python(code)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+def test_the_installed_command_and_python_m_are_the_same_program() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["scripts"] == {"zeroscd": "zeroscd.__main__:main"}
+    command = [sys.executable, "-m", "zeroscd", "fly"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr == "error: No such command 'fly'; see `zeroscd --help`\n"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from zeroscd import __version__
-from zeroscd.cli import index, models
+from zeroscd.cli import INTERRUPTED, index, models
 from zeroscd.cli.ablate import ablate
 from zeroscd.cli.batch import batch
 from zeroscd.cli.bench import bench
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 USER_ERROR = 2
-INTERRUPTED = 130  # 128 + SIGINT, as shells count
 CLOSED_PIPE = 1  # Python's own convention
 
 app = typer.Typer(
