@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 ROOT = Path(zeroscd.__file__).parent
+MAP = Path(__file__).parents[1] / "ARCHITECTURE.md"
 
 # Later may import earlier, never the other way round; parts of one row do not import each other.
 LAYERS = (
@@ -108,6 +109,12 @@ def test_the_arrows_were_found() -> None:
 def test_every_part_of_the_package_has_its_layer() -> None:
     parts = {a.part for a in ARROWS} - {"__init__"}
     assert parts <= set(LEVEL), f"give {parts - set(LEVEL)} a place in LAYERS"
+
+
+def test_the_map_of_the_house_shows_these_layers() -> None:
+    text = MAP.read_text(encoding="utf-8").partition("## Who imports whom")[2]
+    shown = [row.split(", ") for row in text.split("```")[1].strip().splitlines()]
+    assert [set(row) for row in shown] == [set(row) for row in reversed(LAYERS)]
 
 
 def test_imports_point_down() -> None:
