@@ -61,6 +61,12 @@ def test_every_link_inside_the_project_leads_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), f"{page.name} points to {target}"
 
 
+def test_what_is_published_nowhere_is_installed_from_the_clone() -> None:
+    for page in PAGES:
+        named = re.findall(r"pip install (?:-\S+ )*'?zeroscd", page.read_text(encoding="utf-8"))
+        assert named == [], page.name
+
+
 def test_the_readme_names_every_preset() -> None:
     for name in PRESETS:
         assert f"`{name}`" in README

@@ -1,6 +1,6 @@
 """The Ray engine gives the rows of the local one, also when its actors die.
 
-Ray is not among the test packages, as it has 250 MB: `pip install 'zeroscd[ray]'` runs these.
+Ray is not among the test packages, as it has 250 MB: `pip install '.[ray]'` runs these.
 """
 
 from __future__ import annotations

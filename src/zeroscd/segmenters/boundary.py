@@ -99,7 +99,7 @@ def load_head() -> BoundaryHead:
     try:
         head.load_state_dict(load_safetensors(file.read_bytes()), strict=True)
     except (OSError, RuntimeError, ValueError, SafetensorError) as cause:
-        message = f"{file} is damaged; reinstall: pip install --force-reinstall zeroscd"
+        message = f"{file} is damaged; in a clone run: pip install --force-reinstall --no-deps ."
         raise WeightsError(message) from cause
     # Descriptors and pixels come with channels last; weights that lie likewise are read faster.
     head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # the stub lacks it
