@@ -191,7 +191,7 @@ def measure_sam(name: str, device: str, *, half: bool) -> dict[str, Any]:
     ways, united = {}, []
     for kind, chosen in (("coarse", where), ("everything", None)):
         with Stopwatch(device) as watch:
-            found = drawn.segment(blank(), (), where=chosen)
+            found = drawn.study(blank(), ()).outlines(chosen)
         ways[kind] = {"per_photo": watch.seconds(), "outlines": len(found)}
         united.append(flagged(found, where))
     shared, either = (united[0] & united[1]).sum(), (united[0] | united[1]).sum()

@@ -63,7 +63,7 @@ class Remembering:
 
     def __init__(self, models: Models) -> None:
         self._models = models
-        self._known: dict[bytes, Segments] = {}
+        self._known: dict[bytes, Remembered] = {}
         self._maps: list[tuple[FeatureMap, ...]] | None = None
         self.name, self.tau = models.encoder.name, models.encoder.tau
 
@@ -77,18 +77,28 @@ class Remembering:
             self._maps = self._models.encoder.encode(photos)
         return self._maps
 
-    def segment(
-        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
-    ) -> Segments:
-        """Return all outlines that touch the wanted places, from those of the whole photo."""
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> Remembered:
+        """Return the outlines of a photo."""
         key = photo.tobytes()
         if key not in self._known:
-            self._known[key] = self._models.segmenter.segment(photo, features, where=None)
-        found = self._known[key]
+            whole = self._models.segmenter.study(photo, features).outlines(None)
+            self._known[key] = Remembered(whole)
+        return self._known[key]
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """All outlines of a photo; of no size, for nobody here keeps count."""
+
+    whole: Segments
+    size_bytes: int = 0
+
+    def outlines(self, where: Mask | None) -> Segments:
+        """Return those that touch the wanted places."""
         if where is None:
-            return found
-        touched = tuple(s for s in found if (s.crop() & where[s.window]).any())
-        return Segments(size_hw=found.size_hw, items=touched)
+            return self.whole
+        touched = tuple(s for s in self.whole if (s.crop() & where[s.window]).any())
+        return Segments(size_hw=self.whole.size_hw, items=touched)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +162,7 @@ class Bench:
         photos, changed = (self.pair.before, self.pair.after), self.pair.truth.changed
         maps = self.models.encode(photos)
         here, there = (
-            self.models.segment(photo, one, where=None)
+            self.models.study(photo, one).outlines(None)
             for photo, one in zip(photos[::-1], maps[::-1], strict=True)
         )
         t0_from_t1, size_t0 = invert(t1_from_t0), self.pair.before.shape[:2]

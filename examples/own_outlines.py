@@ -2,7 +2,8 @@
 
     python examples/own_outlines.py before.jpg after.jpg
 
-Encoder and segmenter are handed in, so a detector takes anything that has the right method.
+Encoder and segmenter are handed in, so a detector takes anything that has the right methods: a
+segmenter takes up each photo once, and what it then knows is asked for each pair and threshold.
 """
 
 import sys
@@ -22,10 +23,23 @@ class Panes:
 
     name = "panes"
 
-    def segment(self, photo, features, *, where):
-        """Return the panes that touch a place of interest."""
+    def study(self, photo, features):
+        """Take up a photo; these panes depend on its size alone."""
         del features
-        height, width = photo.shape[:2]
+        return PanesOfOne(photo.shape[:2])
+
+
+class PanesOfOne:
+    """The panes of one photo."""
+
+    size_bytes = 0  # kept from one question to the next, for caches that must not grow
+
+    def __init__(self, size_hw):
+        self.size_hw = size_hw
+
+    def outlines(self, where):
+        """Return the panes that touch a place of interest."""
+        height, width = self.size_hw
         outlines = []
         for row in range(PANES):
             for column in range(PANES):

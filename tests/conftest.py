@@ -110,13 +110,25 @@ class ScriptedSegmenter:
     script: dict[bytes, Sequence[Mask]] = field(default_factory=dict)
     asked: list[Mask | None] = field(default_factory=list)
 
-    def segment(
-        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
-    ) -> Segments:
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> ScriptedStudy:
         del features
-        self.asked.append(where)
-        outlines = (Segment.from_mask(mask) for mask in self.script[photo.tobytes()])
-        return Segments(size_hw=photo.shape[:2], items=tuple(o for o in outlines if o is not None))
+        return ScriptedStudy(self, photo)
+
+
+@dataclass
+class ScriptedStudy:
+    """A photo whose outlines are read from the script each time."""
+
+    segmenter: ScriptedSegmenter
+    photo: Rgb
+    size_bytes: int = 0
+
+    def outlines(self, where: Mask | None) -> Segments:
+        self.segmenter.asked.append(where)
+        masks = self.segmenter.script[self.photo.tobytes()]
+        outlines = (Segment.from_mask(mask) for mask in masks)
+        found = tuple(outline for outline in outlines if outline is not None)
+        return Segments(size_hw=self.photo.shape[:2], items=found)
 
 
 @dataclass(frozen=True, kw_only=True)

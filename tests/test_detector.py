@@ -347,11 +347,14 @@ def test_a_segmenter_that_finds_nothing_leaves_the_mask_empty(
     toy_encoder: PatchEncoder, draw_scene: Any
 ) -> None:
     class Blind:
-        name = "blind"
+        name, size_bytes = "blind", 0
 
-        def segment(self, photo: Rgb, features: Any, *, where: Any) -> Segments:
-            del features, where
-            return Segments(size_hw=photo.shape[:2], items=())
+        def study(self, photo: Rgb, features: Any) -> Blind:
+            self.size_hw = photo.shape[:2]
+            return self
+
+        def outlines(self, where: Any) -> Segments:
+            return Segments(size_hw=self.size_hw, items=())
 
     scene = draw_scene(removed=[CAR], added=[SIGN])
     result = Detector(Settings().override(PLAIN), Models(toy_encoder, Blind())).detect(

@@ -138,7 +138,7 @@ class Detector:
         with clock.stage("coarse"):
             coarse = self._coarse(evidence, chosen)
         with clock.stage("segment"):
-            segments = evidence.segments or self._segment_around(pair, coarse, chosen)
+            segments = evidence.segments or _outlines_around(pair, coarse, chosen)
         with clock.stage("refine"):
             removed, added = _refine(pair, coarse, segments, chosen.refine)
             # An outline may reach beyond what the other photo shows: no statement there.
@@ -167,7 +167,11 @@ class Detector:
             photos = [read_photo(source) for source in sources]
         with clock.stage("encode"):
             maps = self.models.encoder.encode([photo.pixels for photo in photos])
-        return [View(photo, of_photo) for photo, of_photo in zip(photos, maps, strict=True)]
+        study = self.models.segmenter.study
+        return [
+            View(photo, of_photo, study(photo.pixels, of_photo))
+            for photo, of_photo in zip(photos, maps, strict=True)
+        ]
 
     def _compare(self, view_t0: View, view_t1: View, clock: Clock) -> Evidence:
         sizes_hw = (view_t0.size_hw, view_t1.size_hw)
@@ -182,7 +186,7 @@ class Detector:
             distances_t0, distances_t1 = self._distances(pair)
         with clock.stage("segment"):
             everything = self.settings.segment.prompting == "everything"
-            segments = self._segment(pair, (None, None)) if everything else None
+            segments = _outlines(pair, (None, None)) if everything else None
         return Evidence(
             pair=pair,
             alignment=alignment,
@@ -228,31 +232,26 @@ class Detector:
             tau=coarse_t0.tau,
         )
 
-    def _segment_around(
-        self, pair: Pair, coarse: tuple[CoarseChange, CoarseChange], settings: Settings
-    ) -> tuple[Segments, Segments]:
-        """Ask for outlines around coarse change only.
 
-        The second look compares a flagged outline with the other photo's outlines of the same
-        place, so these are asked for as well.
-        """
-        changed_t0, changed_t1 = coarse[0].changed, coarse[1].changed
-        if settings.refine.verify != "off":
-            changed_t0, changed_t1 = (
-                changed_t0 | pair.to_t0(changed_t1),
-                changed_t1 | pair.to_t1(changed_t0),
-            )
-        return self._segment(pair, (changed_t0, changed_t1))
+def _outlines_around(
+    pair: Pair, coarse: tuple[CoarseChange, CoarseChange], settings: Settings
+) -> tuple[Segments, Segments]:
+    """Ask for outlines around coarse change only.
 
-    def _segment(
-        self, pair: Pair, where: tuple[Mask | None, Mask | None]
-    ) -> tuple[Segments, Segments]:
-        segmenter = self.models.segmenter
-        view_t0, view_t1 = pair.view_t0, pair.view_t1
-        return (
-            segmenter.segment(view_t0.photo.pixels, view_t0.maps, where=where[0]),
-            segmenter.segment(view_t1.photo.pixels, view_t1.maps, where=where[1]),
+    The second look compares a flagged outline with the other photo's outlines of the same
+    place, so these are asked for as well.
+    """
+    changed_t0, changed_t1 = coarse[0].changed, coarse[1].changed
+    if settings.refine.verify != "off":
+        changed_t0, changed_t1 = (
+            changed_t0 | pair.to_t0(changed_t1),
+            changed_t1 | pair.to_t1(changed_t0),
         )
+    return _outlines(pair, (changed_t0, changed_t1))
+
+
+def _outlines(pair: Pair, where: tuple[Mask | None, Mask | None]) -> tuple[Segments, Segments]:
+    return pair.view_t0.study.outlines(where[0]), pair.view_t1.study.outlines(where[1])
 
 
 def _refine(

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.records import FeatureMap, Segments
     from zeroscd.result import Alignment, NotAligned, Photo
+    from zeroscd.segmenters.port import Study
     from zeroscd.settings import Settings
 
 
@@ -25,10 +26,12 @@ class View:
     Attributes:
         photo: The pixels.
         maps: Its feature maps, from coarse to fine.
+        study: What the segmenter finds out about it, when it is asked.
     """
 
     photo: Photo
     maps: tuple[FeatureMap, ...]
+    study: Study
 
     @property
     def size_hw(self) -> tuple[int, int]:

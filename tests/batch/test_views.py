@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from zeroscd.batch.views import Views, size_bytes
 from zeroscd.evidence import View
 from zeroscd.images.grid import PatchGrid
-from zeroscd.records import FeatureMap
+from zeroscd.records import FeatureMap, Segments
 from zeroscd.result import Photo
 
 if TYPE_CHECKING:
@@ -18,6 +19,17 @@ PIXELS = 4 * 4 * 3  # bytes
 DESCRIPTORS = 2 * 2 * 5 * 4
 
 
+@dataclass
+class Growing:
+    """A study that holds more once it was asked."""
+
+    size_bytes: int = 0
+
+    def outlines(self, where: object) -> Segments:
+        self.size_bytes = PIXELS + DESCRIPTORS
+        return Segments(size_hw=(4, 4), items=())
+
+
 @pytest.fixture
 def view() -> Callable[[], View]:
     def make() -> View:
@@ -25,13 +37,16 @@ def view() -> Callable[[], View]:
             descriptors=np.zeros((2, 2, 5), np.float32),
             grid=PatchGrid.covering((4, 4), size_hw=(2, 2)),
         )
-        return View(Photo(pixels=np.zeros((4, 4, 3), np.uint8)), (features,))
+        return View(Photo(pixels=np.zeros((4, 4, 3), np.uint8)), (features,), Growing())
 
     return make
 
 
-def test_a_view_is_as_large_as_its_pixels_and_descriptors(view: Callable[[], View]) -> None:
-    assert size_bytes(view()) == PIXELS + DESCRIPTORS
+def test_a_view_is_as_large_as_all_that_it_holds_by_now(view: Callable[[], View]) -> None:
+    one = view()
+    assert size_bytes(one) == PIXELS + DESCRIPTORS
+    one.study.outlines(None)
+    assert size_bytes(one) == 2 * (PIXELS + DESCRIPTORS)
 
 
 def test_the_view_not_used_for_longest_makes_room(view: Callable[[], View]) -> None:
@@ -41,6 +56,17 @@ def test_the_view_not_used_for_longest_makes_room(view: Callable[[], View]) -> N
     assert views.get("a") is not None  # used again: b is now the oldest
     views.put("d", view())
     assert {name for name in "abcd" if views.get(name)} == {"a", "c", "d"}
+
+
+def test_what_a_view_has_grown_by_counts(view: Callable[[], View]) -> None:
+    views = Views(3 * size_bytes(view()))
+    for name in "ab":
+        views.put(name, view())
+        held = views.get(name)
+        assert held is not None
+        held.study.outlines(None)  # each is twice as large now: four of three
+    views.put("c", view())
+    assert {name for name in "abc" if views.get(name)} == {"b", "c"}
 
 
 def test_putting_one_twice_takes_its_room_once(view: Callable[[], View]) -> None:
@@ -53,7 +79,7 @@ def test_putting_one_twice_takes_its_room_once(view: Callable[[], View]) -> None
 
 def test_a_view_larger_than_the_cache_throws_nothing_out(view: Callable[[], View]) -> None:
     small = view()
-    large = View(Photo(pixels=np.zeros((40, 40, 3), np.uint8)), ())
+    large = View(Photo(pixels=np.zeros((40, 40, 3), np.uint8)), (), Growing())
     views = Views(size_bytes(small))
     views.put("small", small)
     views.put("large", large)

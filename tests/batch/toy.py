@@ -62,14 +62,23 @@ class IslandSegmenter:
 
     name = "toy"
 
-    def segment(
-        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
-    ) -> Segments:
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> IslandStudy:
         del features
-        mask = np.ones(photo.shape[:2], bool) if where is None else where
+        return IslandStudy(photo.shape[:2])
+
+
+@dataclass(frozen=True)
+class IslandStudy:
+    """A photo of which only the size counts."""
+
+    size_hw: tuple[int, int]
+    size_bytes: int = 0
+
+    def outlines(self, where: Mask | None) -> Segments:
+        mask = np.ones(self.size_hw, bool) if where is None else where
         count, labels = cv2.connectedComponents(mask.astype(np.uint8))
         found = (Segment.from_mask(labels == number) for number in range(1, count))
-        return Segments(size_hw=photo.shape[:2], items=tuple(one for one in found if one))
+        return Segments(size_hw=self.size_hw, items=tuple(one for one in found if one))
 
 
 @dataclass

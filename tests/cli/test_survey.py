@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,9 +29,21 @@ class NothingSegmenter:
 
     name = "toy"
 
-    def segment(self, photo: Rgb, features: object, *, where: Mask | None) -> Segments:
-        del features, where
-        return Segments(size_hw=photo.shape[:2], items=())
+    def study(self, photo: Rgb, features: object) -> NothingStudy:
+        del features
+        return NothingStudy(photo.shape[:2])
+
+
+@dataclass(frozen=True)
+class NothingStudy:
+    """A photo without outlines."""
+
+    size_hw: tuple[int, int]
+    size_bytes: int = 0
+
+    def outlines(self, where: Mask | None) -> Segments:
+        del where
+        return Segments(size_hw=self.size_hw, items=())
 
 
 @pytest.fixture(autouse=True)

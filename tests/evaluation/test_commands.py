@@ -41,7 +41,7 @@ class StillEncoder:
 class StillSegmenter:
     name = "still"
 
-    def segment(self, photo: Any, features: Any, *, where: Any) -> Any:
+    def study(self, photo: Any, features: Any) -> Any:
         raise AssertionError
 
 

@@ -170,7 +170,7 @@ def test_masks_equal_the_published_procedure_step_by_step(
 ) -> None:
     settings = replace(SETTINGS, pred_iou=typical_score(network, photo) + above, **changed)
     ours = AutomaticSegmenter(name="toy", network=network, settings=settings)
-    found = ours.segment(photo, (), where=None)
+    found = ours.study(photo, ()).outlines(None)
     expected = plain_masks(network, photo, settings)
     assert len(expected) > 3
     assert_same_masks(found, expected)
@@ -188,7 +188,9 @@ def test_the_batch_size_changes_nothing(network: Sams, photo: np.ndarray) -> Non
     results = [
         AutomaticSegmenter(
             name="toy", network=network, settings=replace(settings, points_per_batch=size)
-        ).segment(photo, (), where=None)
+        )
+        .study(photo, ())
+        .outlines(None)
         for size in (1, 40, 1000)
     ]
     packed = [[segment.bits.tobytes() for segment in result] for result in results]
@@ -196,6 +198,12 @@ def test_the_batch_size_changes_nothing(network: Sams, photo: np.ndarray) -> Non
 
 
 # --- Coarse prompting, on a network whose masks are known by point -------------------------------
+
+
+class Glance:
+    """What a scripted network remembers: nothing, which takes some room."""
+
+    size_bytes = 7
 
 
 @dataclass
@@ -208,10 +216,11 @@ class Scripted:
     looks: int = 0
     asked: list[tuple[float, float]] = field(default_factory=list)
 
-    def look(self, photo: np.ndarray) -> None:
+    def look(self, photo: np.ndarray) -> Glance:
         self.looks += 1
+        return Glance()
 
-    def ask(self, look: None, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+    def ask(self, look: Glance, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
         self.asked += [tuple(point) for point in points_xy.tolist()]
         maps = np.full((len(points_xy), *self.photo_hw), -5.0)
         scores = np.zeros(len(points_xy))
@@ -222,7 +231,7 @@ class Scripted:
                     scores[index] = 0.9 - number / 100
         return torch.from_numpy(maps), torch.from_numpy(scores)
 
-    def enlarge(self, look: None, logits: Tensor) -> Tensor:
+    def enlarge(self, look: Glance, logits: Tensor) -> Tensor:
         return logits
 
 
@@ -254,8 +263,8 @@ def test_prompting_only_coarse_change_flags_exactly_the_same_objects(seed: int) 
         missed = int(rng.uniform(0, 0.3) * (right - left))
         where[top:bottom, left : right - missed] = True
     segmenter = scripted_segmenter(Scripted(objects))
-    everything = segmenter.segment(BLANK, (), where=None)
-    coarse = segmenter.segment(BLANK, (), where=where)
+    everything = segmenter.study(BLANK, ()).outlines(None)
+    coarse = segmenter.study(BLANK, ()).outlines(where)
     assert len(everything) == 4
     assert flagged(coarse, where) == flagged(everything, where)
 
@@ -264,7 +273,7 @@ def test_objects_far_from_coarse_change_are_not_asked_about() -> None:
     network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
     where = np.zeros((128, 128), dtype=bool)
     where[82:118, 82:118] = True
-    found = scripted_segmenter(network).segment(BLANK, (), where=where)
+    found = scripted_segmenter(network).study(BLANK, ()).outlines(where)
     assert [segment.bbox_xywh for segment in found] == [(80, 80, 40, 40)]
     assert min(min(point) for point in network.asked) > 75
     assert len(network.asked) == 25  # a fifth of 16 x 16 points, squared: 36 px are 4.5 steps
@@ -272,7 +281,7 @@ def test_objects_far_from_coarse_change_are_not_asked_about() -> None:
 
 def test_without_coarse_change_the_network_is_not_even_shown_the_photo() -> None:
     network = Scripted([(0, 0, 40, 40)])
-    found = scripted_segmenter(network).segment(BLANK, (), where=np.zeros((128, 128), dtype=bool))
+    found = scripted_segmenter(network).study(BLANK, ()).outlines(np.zeros((128, 128), dtype=bool))
     assert len(found) == 0
     assert found.size_hw == (128, 128)
     assert (network.looks, network.asked) == (0, [])
@@ -280,45 +289,76 @@ def test_without_coarse_change_the_network_is_not_even_shown_the_photo() -> None
 
 def test_the_photo_is_encoded_once_however_many_points_are_asked() -> None:
     network = Scripted([(0, 0, 40, 40)])
-    scripted_segmenter(network, per_side=20).segment(BLANK, (), where=None)
+    scripted_segmenter(network, per_side=20).study(BLANK, ()).outlines(None)
     assert (network.looks, len(network.asked)) == (1, 400)
+
+
+def test_a_photo_is_looked_at_once_for_all_places_that_are_asked_about() -> None:
+    network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
+    segmenter, corner = scripted_segmenter(network), np.zeros((128, 128), dtype=bool)
+    corner[82:118, 82:118] = True
+    study = segmenter.study(BLANK, ())
+    assert (network.looks, study.size_bytes) == (0, 0)
+    boxes = [[one.bbox_xywh for one in study.outlines(where)] for where in (corner, None, corner)]
+    assert boxes == [[(80, 80, 40, 40)], [(0, 0, 40, 40), (80, 80, 40, 40)], [(80, 80, 40, 40)]]
+    assert (network.looks, study.size_bytes) == (1, Glance.size_bytes)
+    segmenter.study(BLANK, ()).outlines(None)
+    assert network.looks == 2  # another photo, for all the segmenter knows
+
+
+def test_of_photo_and_crops_only_the_photo_is_remembered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    network = Scripted([(0, 0, 40, 40)], photo_hw=(128, 128))
+    settings = SegmentSettings(points_per_side=4, crop_layers=1)
+    monkeypatch.setattr(Scripted, "ask", lambda *_: (torch.zeros(0, 2, 2), torch.zeros(0)))
+    study = AutomaticSegmenter(name="scripted", network=network, settings=settings).study(BLANK, ())
+    where = np.zeros((128, 128), dtype=bool)
+    where[:20, :20] = True
+    for place, looks in ((where, 2), (None, 2 + 4), (where, 2 + 4 + 1)):
+        study.outlines(place)
+        assert (network.looks, study.size_bytes) == (looks, Glance.size_bytes)
 
 
 def test_a_mask_of_one_object_is_returned_once_and_the_best_first() -> None:
     network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
-    found = scripted_segmenter(network).segment(BLANK, (), where=None)
+    found = scripted_segmenter(network).study(BLANK, ()).outlines(None)
     assert [segment.bbox_xywh for segment in found] == [(0, 0, 40, 40), (80, 80, 40, 40)]
 
 
 def test_of_one_object_seen_in_the_whole_photo_and_in_a_crop_the_crops_mask_stays() -> None:
+    class Window(Glance):
+        def __init__(self, photo: np.ndarray) -> None:
+            self.size_hw = photo.shape[:2]
+
     class Zooming:
         """Sees a square; of the whole photo one column too few."""
 
         pred_iou = 0.0
 
-        def look(self, photo: np.ndarray) -> tuple[int, int]:
-            return photo.shape[:2]
+        def look(self, photo: np.ndarray) -> Window:
+            return Window(photo)
 
-        def ask(self, size_hw: tuple[int, int], points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
-            maps = np.full((len(points_xy), *size_hw), -5.0)
-            whole = size_hw == (128, 128)
+        def ask(self, look: Window, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+            maps = np.full((len(points_xy), *look.size_hw), -5.0)
+            whole = look.size_hw == (128, 128)
             maps[:, 30:60, 30 : 59 if whole else 60] = 5.0  # the first crop begins at 0, 0
             return torch.from_numpy(maps), torch.full((len(points_xy),), 0.9 if whole else 0.5)
 
-        def enlarge(self, size_hw: tuple[int, int], logits: Tensor) -> Tensor:
+        def enlarge(self, look: Window, logits: Tensor) -> Tensor:
             return logits
 
     where = np.zeros((128, 128), dtype=bool)
     where[:20, :20] = True  # of the crops only the first is wanted
     settings = SegmentSettings(points_per_side=4, crop_layers=1)
     segmenter = AutomaticSegmenter(name="zooming", network=Zooming(), settings=settings)
-    (only,) = segmenter.segment(BLANK, (), where=where)
+    (only,) = segmenter.study(BLANK, ()).outlines(where)
     assert only.bbox_xywh == (30, 30, 30, 30)
 
 
 def test_specks_are_removed_and_what_became_alike_is_one() -> None:
     class Specked(Scripted):
-        def enlarge(self, look: None, logits: Tensor) -> Tensor:
+        def enlarge(self, look: Glance, logits: Tensor) -> Tensor:
             speckled = logits.clone()
             speckled[:, 20:22, 20:22] *= -1  # a hole in the object
             speckled[:, 100, 100] *= -1  # an island far away
@@ -329,6 +369,6 @@ def test_specks_are_removed_and_what_became_alike_is_one() -> None:
         network=Specked([(0, 0, 40, 40)]),
         settings=SegmentSettings(points_per_side=4, min_speck_px=5),
     )
-    (only,) = segmenter.segment(BLANK, (), where=None)
+    (only,) = segmenter.study(BLANK, ()).outlines(None)
     assert only.bbox_xywh == (0, 0, 40, 40)
     assert only.area_px == 1600

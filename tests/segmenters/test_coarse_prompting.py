@@ -26,6 +26,17 @@ if TYPE_CHECKING:
     from zeroscd.result import ChangeResult
 
 
+@dataclass(frozen=True)
+class Remembered:
+    """All that the scripted network remembers of a photo: the photo."""
+
+    photo: Rgb
+
+    @property
+    def size_bytes(self) -> int:
+        return self.photo.nbytes
+
+
 @dataclass
 class ByPoint:
     """Answers a point with every written-down outline of the photo that it lies in.
@@ -39,20 +50,20 @@ class ByPoint:
     points: int = 0
     looked_at: list[bytes] = field(default_factory=list)
 
-    def look(self, photo: Rgb) -> Rgb:
+    def look(self, photo: Rgb) -> Remembered:
         self.looked_at.append(photo.tobytes())
-        return photo
+        return Remembered(photo)
 
-    def ask(self, look: Rgb, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+    def ask(self, look: Remembered, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
         self.points += len(points_xy)
         columns, rows = np.floor(points_xy).astype(int).T
-        hit = [mask for mask in self.script[look.tobytes()] if mask[rows, columns].any()]
+        hit = [mask for mask in self.script[look.photo.tobytes()] if mask[rows, columns].any()]
         if not hit:
-            return torch.zeros(0, *look.shape[:2]), torch.zeros(0)
+            return torch.zeros(0, *look.photo.shape[:2]), torch.zeros(0)
         logits = torch.from_numpy(np.where(np.stack(hit), np.float32(5), np.float32(-5)))
         return logits, torch.tensor([1 / (1 + mask.sum()) for mask in hit])
 
-    def enlarge(self, look: Rgb, logits: Tensor) -> Tensor:
+    def enlarge(self, look: Remembered, logits: Tensor) -> Tensor:
         return logits
 
 
@@ -137,6 +148,22 @@ def test_photos_without_change_are_never_shown_to_the_segmenter(
     result = Detector(settings, Models(toy_encoder, segmenter)).detect(drawn.before, drawn.after)
     assert not result.mask.any()
     assert (network.looked_at, network.points) == ([], 0)
+
+
+def test_a_photo_is_shown_to_the_segmenter_once_in_all_its_pairs_and_under_all_thresholds(
+    draw_scene: Any, toy_encoder: Any
+) -> None:
+    drawn = draw_scene(**SCENES["both"])
+    settings = Settings(segmenter="scripted").override({"alpha": 0.6, "points_per_side": 16})
+    network = ByPoint(script_of(drawn, things_only=False))
+    segmenter = AutomaticSegmenter(name="scripted", network=network, settings=settings.segment)
+    detector = Detector(settings, Models(toy_encoder, segmenter))
+    before, after = detector.look([drawn.before, drawn.after])
+    forth, back = detector.compare(before, after), detector.compare(after, before)
+    found = [detector.decide(forth, settings.override({"tau": tau})) for tau in (0.3, 0.9)]
+    found.append(detector.decide(back))
+    assert all(result.mask.any() for result in found)
+    assert sorted(network.looked_at) == sorted(network.script)
 
 
 @pytest.mark.data

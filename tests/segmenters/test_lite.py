@@ -30,7 +30,7 @@ def cut() -> Callable[..., Segments]:
 
     def segments(photo: Rgb, where: Mask | None = None) -> Segments:
         (maps,) = encoder.encode([photo])
-        return segmenter.segment(photo, maps, where=where)
+        return segmenter.study(photo, maps).outlines(where)
 
     return segments
 
@@ -147,10 +147,26 @@ def test_the_segmenter_is_found_under_its_name() -> None:
     assert segmenter.name == SETTINGS.segmenter
 
 
+def test_the_tree_is_grown_once_for_all_places_that_are_asked_about(
+    ball_on_wall: tuple[Rgb, Mask], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photo, ball = ball_on_wall
+    (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
+    segmenter = load_segmenter(SETTINGS, "cpu")
+    fresh = [one.bbox_xywh for one in segmenter.study(photo, maps).outlines(ball)]
+    study = segmenter.study(photo, maps)
+    assert study.size_bytes == 0
+    everywhere = len(study.outlines(None))
+    assert study.size_bytes > maps[0].grid.size_hw[0]
+    monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", None)
+    assert [one.bbox_xywh for one in study.outlines(ball)] == fresh
+    assert 0 < len(fresh) < everywhere
+
+
 def test_depths_may_come_in_any_order(ball_on_wall: tuple[Rgb, Mask]) -> None:
     photo, _ = ball_on_wall
     maps: tuple[FeatureMap, ...]
     (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
     segmenter = load_segmenter(SETTINGS, "cpu")
-    forth, back = (segmenter.segment(photo, m, where=None) for m in (maps, maps[::-1]))
+    forth, back = (segmenter.study(photo, m).outlines(None) for m in (maps, maps[::-1]))
     assert [s.bbox_xywh for s in forth] == [s.bbox_xywh for s in back]

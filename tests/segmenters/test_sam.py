@@ -253,8 +253,8 @@ def test_a_file_in_its_place_is_loaded_and_answers_as_the_network_that_wrote_it(
     monkeypatch.setattr(sam, "build", lambda _: request.getfixturevalue(f"bare_{kind}")())
     chosen = SegmentSettings(points_per_side=4, pred_iou=-9.0, stability=0.0)
     settings = Settings(segmenter=name, segment=chosen)
-    loaded = sam.load(settings, "cpu").segment(photo, (), where=None)
-    written = sam.wrap(model, settings).segment(photo, (), where=None)
+    loaded = sam.load(settings, "cpu").study(photo, ()).outlines(None)
+    written = sam.wrap(model, settings).study(photo, ()).outlines(None)
     assert len(written) > 1
     assert [one.bits.tobytes() for one in loaded] == [one.bits.tobytes() for one in written]
 

@@ -81,11 +81,21 @@ class TileSegmenter:
 
     name: str = "tiles"
 
-    def segment(
-        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
-    ) -> Segments:
-        del features, where
-        height, width = photo.shape[:2]
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> TileStudy:
+        del features
+        return TileStudy(photo.shape[:2])
+
+
+@dataclass(frozen=True)
+class TileStudy:
+    """A photo of which only the size counts."""
+
+    size_hw: tuple[int, int]
+    size_bytes: int = 0
+
+    def outlines(self, where: Mask | None) -> Segments:
+        del where
+        height, width = self.size_hw
         tile = np.ones((TILE_PX, TILE_PX), dtype=bool)
         found = [
             Segment.from_mask(tile[: height - top, : width - left], offset_xy=(left, top))

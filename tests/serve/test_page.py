@@ -5,6 +5,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 import httpx
@@ -203,6 +204,13 @@ def test_every_file_is_what_its_name_says(kept: Kept) -> None:
 def test_weight_is_the_bytes_of_all_arrays(kept: Kept) -> None:
     assert weigh(kept.result.before) == kept.result.before.pixels.nbytes
     assert weigh(kept) > weigh(kept.evidence) + weigh(kept.result) > 2 * weigh(kept.result.before)
+
+
+def test_what_the_segmenter_remembers_of_the_photos_counts_too(kept: Kept) -> None:
+    views = (kept.evidence.pair.view_t0, kept.evidence.pair.view_t1)
+    study: Any = SimpleNamespace(size_bytes=1000)  # the tiles of these photos take nothing
+    grown = [replace(view, study=study) for view in views]
+    assert [weigh(view) + 1000 for view in views] == [weigh(view) for view in grown]
 
 
 def test_photos_and_pictures_travel_over_the_pages_own_addresses(live: str, pair: Any) -> None:

@@ -14,13 +14,13 @@ class Views:
     """Views by the digest of their photo's file; the one not used for longest goes first.
 
     Args:
-        most_bytes: What all views together may hold, pixels and descriptors.
+        most_bytes: What all views together may hold: pixels, descriptors, what was found out
+            for their outlines.
     """
 
     def __init__(self, most_bytes: int) -> None:
         self._most_bytes = most_bytes
         self._held: OrderedDict[str, View] = OrderedDict()
-        self._held_bytes = 0
         self._turn = Lock()
 
     def get(self, digest: str) -> View | None:
@@ -32,17 +32,16 @@ class Views:
 
     def put(self, digest: str, view: View) -> None:
         """Keep a view; one that is too large for the whole cache is not kept."""
-        size = size_bytes(view)
         with self._turn:
-            if digest in self._held or size > self._most_bytes:
+            if digest in self._held or size_bytes(view) > self._most_bytes:
                 return
             self._held[digest] = view
-            self._held_bytes += size
-            while self._held_bytes > self._most_bytes:
-                _, oldest = self._held.popitem(last=False)
-                self._held_bytes -= size_bytes(oldest)
+            # Measured anew each time: a view grows when its outlines are first asked for.
+            while sum(map(size_bytes, self._held.values())) > self._most_bytes:
+                self._held.popitem(last=False)
 
 
 def size_bytes(view: View) -> int:
     """Return what a view holds in memory."""
-    return view.photo.pixels.nbytes + sum(one.descriptors.nbytes for one in view.maps)
+    described = sum(one.descriptors.nbytes for one in view.maps)
+    return view.photo.pixels.nbytes + described + view.study.size_bytes

@@ -28,6 +28,14 @@ if TYPE_CHECKING:
 ENLARGED_AT_ONCE = 4
 
 
+class Seen(Protocol):
+    """What a network remembers of a photo: its own affair."""
+
+    @property
+    def size_bytes(self) -> int:
+        """Memory that this takes."""
+
+
 class PromptNetwork(Protocol):
     """A network that answers points with masks."""
 
@@ -35,7 +43,7 @@ class PromptNetwork(Protocol):
     def pred_iou(self) -> float:
         """Score above which its publisher keeps a mask."""
 
-    def look(self, photo: Rgb) -> Any:  # noqa: ANN401 - the network's own affair
+    def look(self, photo: Rgb) -> Seen:
         """Do all the work that does not depend on the points."""
 
     def ask(self, look: Any, points_xy: PointsXy) -> tuple[Tensor, Tensor]:  # noqa: ANN401
@@ -80,52 +88,86 @@ class AutomaticSegmenter:
     network: PromptNetwork
     settings: SegmentSettings
 
-    def segment(
-        self,
-        photo: Rgb,
-        features: tuple[FeatureMap, ...],
-        *,
-        where: Mask | None,
-    ) -> Segments:
-        """Return the outlines of one photo, best first; without a wanted place, do nothing.
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> AutomaticStudy:
+        """Take up a photo.
 
         Args:
             photo: (H, W, 3) uint8 RGB.
             features: Not needed.
+        """
+        del features
+        return AutomaticStudy(network=self.network, settings=self.settings, photo=photo)
+
+
+@dataclass(slots=True, kw_only=True)
+class AutomaticStudy:
+    """A photo and what the network saw of it, so that it is looked at once.
+
+    Attributes:
+        network: Answers points.
+        settings: Grid, filters and crops.
+        photo: (H, W, 3) uint8 RGB.
+        seen: The whole photo, once it was looked at; None before. Its crops are not kept: there
+            may be hundreds, of 15 MB (SAM) to 27 MB (SAM 2) each.
+    """
+
+    network: PromptNetwork
+    settings: SegmentSettings
+    photo: Rgb
+    seen: Seen | None = None
+
+    @property
+    def size_bytes(self) -> int:
+        """What the network remembers of the photo so far takes this much memory."""
+        return 0 if self.seen is None else self.seen.size_bytes
+
+    def outlines(self, where: Mask | None) -> Segments:
+        """Return the outlines of the photo, best first; without a wanted place, do nothing.
+
+        Args:
             where: (H, W) only outlines around these places are wanted; None = everywhere.
         """
-        photo_hw = photo.shape[:2]
         found: list[Candidate] = []
-        for crop, points_xy in self._plan(photo_hw, where):
-            found += self._best(list(self._masks(photo, crop, points_xy)), by_crop=False)
+        for crop, points_xy in self._plan(where):
+            found += self._best(list(self._masks(crop, points_xy)), by_crop=False)
         if self.settings.crop_layers:
             found = self._best(found, by_crop=True)
         if self.settings.min_speck_px:
-            found = self._cleaned(found, photo_hw)
-        return Segments(size_hw=photo_hw, items=tuple(one.segment for one in found))
+            found = self._cleaned(found)
+        return Segments(size_hw=self._photo_hw, items=tuple(one.segment for one in found))
 
-    def _plan(
-        self, photo_hw: tuple[int, int], where: Mask | None
-    ) -> Iterator[tuple[Crop, PointsXy]]:
+    @property
+    def _photo_hw(self) -> tuple[int, int]:
+        return self.photo.shape[:2]
+
+    def _plan(self, where: Mask | None) -> Iterator[tuple[Crop, PointsXy]]:
         """Crops with a point to ask about; the others are never looked at."""
         per_side = self.settings.points_per_side
-        for crop in crops_of(photo_hw, layers=self.settings.crop_layers):
+        for crop in crops_of(self._photo_hw, layers=self.settings.crop_layers):
             points_xy = grid_points(crop.size_hw, per_side=per_side)
             if where is not None:
                 points_xy = wanted_points(points_xy, crop, where, per_side=per_side)
             if len(points_xy):
                 yield crop, points_xy
 
-    def _masks(self, photo: Rgb, crop: Crop, points_xy: PointsXy) -> Iterator[Candidate]:
+    def _look(self, crop: Crop) -> Seen:
+        if self.seen is not None and crop.layer == 0:
+            return self.seen
         x0, y0, x1, y1 = crop.box_xyxy
-        look = self.network.look(photo[y0:y1, x0:x1])
+        look = self.network.look(self.photo[y0:y1, x0:x1])
+        if crop.layer == 0:
+            self.seen = look
+        return look
+
+    def _masks(self, crop: Crop, points_xy: PointsXy) -> Iterator[Candidate]:
+        look = self._look(crop)
         for start in range(0, len(points_xy), self.settings.points_per_batch):
             batch = points_xy[start : start + self.settings.points_per_batch]
             logits, scores = self._promising(*self.network.ask(look, batch))
             for first in range(0, len(logits), ENLARGED_AT_ONCE):
                 few = slice(first, first + ENLARGED_AT_ONCE)
                 full = self.network.enlarge(look, logits[few])
-                yield from self._stable(full, scores[few], crop, photo.shape[:2])
+                yield from self._stable(full, scores[few], crop)
 
     def _promising(self, logits: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
         """Drop by score before anything is enlarged."""
@@ -133,9 +175,7 @@ class AutomaticSegmenter:
         keep = scores > (self.network.pred_iou if chosen is None else chosen)
         return logits[keep], scores[keep]
 
-    def _stable(
-        self, logits: Tensor, scores: Tensor, crop: Crop, photo_hw: tuple[int, int]
-    ) -> Iterator[Candidate]:
+    def _stable(self, logits: Tensor, scores: Tensor, crop: Crop) -> Iterator[Candidate]:
         keep = stability_of(logits) >= self.settings.stability
         masks = (logits[keep] > 0).cpu().numpy()
         for mask, score in zip(masks, scores[keep].tolist(), strict=True):
@@ -143,7 +183,7 @@ class AutomaticSegmenter:
             if segment is None:
                 continue
             candidate = Candidate(segment, score, crop)
-            if not cut_off(candidate.box_xyxy, crop, photo_hw):
+            if not cut_off(candidate.box_xyxy, crop, self._photo_hw):
                 yield candidate
 
     def _best(self, found: list[Candidate], *, by_crop: bool) -> list[Candidate]:
@@ -156,12 +196,12 @@ class AutomaticSegmenter:
         kept = distinct(boxes, np.array(scores), overlap=self.settings.box_nms)
         return [found[index] for index in kept]
 
-    def _cleaned(self, found: list[Candidate], photo_hw: tuple[int, int]) -> list[Candidate]:
+    def _cleaned(self, found: list[Candidate]) -> list[Candidate]:
         """Remove specks; of masks that became alike, one that needed no cleaning stays."""
         cleaned: list[Candidate] = []
         untouched: list[float] = []
         for one in found:
-            before = one.segment.mask(photo_hw)
+            before = one.segment.mask(self._photo_hw)
             after = without_specks(before, least_px=self.settings.min_speck_px)
             segment = Segment.from_mask(after)
             if segment is not None:

@@ -43,6 +43,12 @@ class Scene:
     side: int
     finer: tuple[Tensor, Tensor]
 
+    @property
+    def size_bytes(self) -> int:
+        """Memory that all of it takes."""
+        tensors = (self.tokens, self.positions, *self.first_seen, self.first_asking, *self.finer)
+        return sum(one.nbytes for one in tensors)
+
 
 def scene_of(model: Any, embedding: Any) -> Scene:  # noqa: ANN401 - transformers carries no types
     """Prepare a photo's embedding.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,26 +45,49 @@ class LiteSegmenter:
     def __init__(self, head: BoundaryHead) -> None:
         self._head = head
 
-    def segment(
-        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
-    ) -> Segments:
-        """Return all regions of the tree that touch the wanted places.
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> LiteStudy:
+        """Take up a photo.
 
         Args:
             photo: (H, W, 3) uint8 RGB.
             features: The lite encoder's maps of this photo.
+        """
+        return LiteStudy(self._head, photo, features)
+
+
+class LiteStudy:
+    """A photo and its tree of regions, which is built when it is first needed."""
+
+    def __init__(self, head: BoundaryHead, photo: Rgb, features: tuple[FeatureMap, ...]) -> None:
+        self._head, self._photo, self._features = head, photo, features
+
+    @property
+    def size_bytes(self) -> int:
+        """What the tree takes."""
+        # Asking for the property itself would build the tree.
+        tree: Hierarchy | None = self.__dict__.get("_hierarchy")
+        return 0 if tree is None else tree.leaf_of.nbytes + tree.first.nbytes + tree.last.nbytes
+
+    def outlines(self, where: Mask | None) -> Segments:
+        """Return all regions of the tree that touch the wanted places.
+
+        Args:
             where: (H, W) places of interest; None = everywhere.
         """
-        rows, cols = next(m for m in features if m.source == FINEST).grid.size_hw
-        stride = LEVEL_STRIDES_PX[FINEST]
-        working = resize(photo, (rows * stride, cols * stride))
-        hierarchy = build_hierarchy(boundary_map(self._head, working, features))
-        leaf_of = _to_photo(hierarchy.leaf_of, photo.shape[:2])
+        hierarchy = self._hierarchy
+        leaf_of = _to_photo(hierarchy.leaf_of, self._photo.shape[:2])
         least_px = LEAST_CELLS * leaf_of.size / hierarchy.leaf_of.size
         return Segments(
             size_hw=leaf_of.shape,
             items=tuple(_outlines(hierarchy, leaf_of, where=where, least_px=least_px)),
         )
+
+    @cached_property
+    def _hierarchy(self) -> Hierarchy:
+        rows, cols = next(m for m in self._features if m.source == FINEST).grid.size_hw
+        stride = LEVEL_STRIDES_PX[FINEST]
+        working = resize(self._photo, (rows * stride, cols * stride))
+        return build_hierarchy(boundary_map(self._head, working, self._features))
 
 
 def load(settings: Settings, device: str) -> LiteSegmenter:

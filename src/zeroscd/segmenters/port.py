@@ -9,6 +9,26 @@ if TYPE_CHECKING:
     from zeroscd.records import FeatureMap, Segments
 
 
+class Study(Protocol):
+    """One photo as a segmenter knows it: what does not depend on the place is done once.
+
+    It may be asked about many places, for a photo has one in every pair and at every threshold.
+    """
+
+    @property
+    def size_bytes(self) -> int:
+        """What was found out about the photo so far takes this much memory."""
+        ...
+
+    def outlines(self, where: Mask | None) -> Segments:
+        """Return the outlines of the photo.
+
+        Args:
+            where: (H, W) only outlines around these places are wanted; None = everywhere.
+        """
+        ...
+
+
 class Segmenter(Protocol):
     """Cuts a photo into class-agnostic outlines that may overlap and nest."""
 
@@ -17,14 +37,11 @@ class Segmenter(Protocol):
         """The name by which settings ask for it."""
         ...
 
-    def segment(
-        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
-    ) -> Segments:
-        """Return the outlines of one photo.
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> Study:
+        """Take up a photo; the work begins when its outlines are asked for.
 
         Args:
             photo: (H, W, 3) uint8 RGB.
             features: The photo's feature maps, for segmenters that merge by them.
-            where: (H, W) only outlines around these places are wanted; None = everywhere.
         """
         ...

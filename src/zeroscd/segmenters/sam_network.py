@@ -43,6 +43,11 @@ class Look:
     photo_hw: tuple[int, int]
     seen_hw: tuple[int, int]
 
+    @property
+    def size_bytes(self) -> int:
+        """Memory that this takes, on whatever device."""
+        return self.scene.size_bytes
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,16 +50,21 @@ class CountingSegmenter:
     def __init__(self) -> None:
         self.asked = 0
 
-    def segment(
-        self,
-        photo: NDArray[np.uint8],
-        features: tuple[FeatureMap, ...],
-        *,
-        where: NDArray[np.bool_] | None,
-    ) -> Segments:
-        self.asked += 1
-        height, width = photo.shape[:2]
-        mask = np.zeros((height, width), bool)
+    def study(self, photo: NDArray[np.uint8], features: tuple[FeatureMap, ...]) -> CountingStudy:
+        return CountingStudy(self, photo.shape[:2])
+
+
+@dataclass
+class CountingStudy:
+    """A photo of which only the size counts."""
+
+    segmenter: CountingSegmenter
+    size_hw: tuple[int, int]
+    size_bytes: int = 0
+
+    def outlines(self, where: NDArray[np.bool_] | None) -> Segments:
+        self.segmenter.asked += 1
+        mask = np.zeros(self.size_hw, bool)
         mask[3:9, 5:8] = mask[5, 8] = True
         items = (Segment.from_mask(mask), Segment.from_mask(~mask))
         return Segments(

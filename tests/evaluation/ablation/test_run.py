@@ -49,7 +49,7 @@ class ToyWorkshop:
 
             def compare(self, view_t0: Any, view_t1: Any) -> Any:
                 (before, features), (after, _) = view_t0, view_t1
-                models.segmenter.segment(before, features, where=None)
+                models.segmenter.study(before, features).outlines(None)
                 workshop.compared += 1
                 return self.detect(before, after)
 

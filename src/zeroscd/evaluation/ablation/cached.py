@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.evaluation.ablation.store import ArrayStore
-    from zeroscd.segmenters.port import Segmenter
+    from zeroscd.segmenters.port import Segmenter, Study
 
     Arrays = Mapping[str, NDArray[Any]]
 
@@ -81,18 +81,40 @@ class CachedSegmenter:
         self._reads_features = reads_features
         self.name = segmenter.name
 
-    def segment(
-        self, photo: Rgb, features: tuple[FeatureMap, ...], *, where: Mask | None
-    ) -> Segments:
-        """Return the outlines of one photo."""
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> CachedStudy:
+        """Take up a photo."""
         read = [one.descriptors for one in features] if self._reads_features else []
-        place = EVERYWHERE if where is None else where
-        key = key_of("segments", self._identity, photo, place, *read)
+        known_by = (self._identity, photo, *read)
+        return CachedStudy(self._segmenter.study(photo, features), self._store, known_by=known_by)
+
+
+class CachedStudy:
+    """A photo whose outlines are computed when the store does not know them."""
+
+    def __init__(self, study: Study, store: ArrayStore, *, known_by: tuple[Any, ...]) -> None:
+        """Wrap a study.
+
+        Args:
+            study: Asked when the store does not know.
+            store: Where outlines are kept.
+            known_by: Everything but the place that decides them.
+        """
+        self._study, self._store, self._known_by = study, store, known_by
+
+    @property
+    def size_bytes(self) -> int:
+        """What the other study holds in memory."""
+        return self._study.size_bytes
+
+    def outlines(self, where: Mask | None) -> Segments:
+        """Return the outlines of the photo."""
+        identity, photo, *read = self._known_by
+        key = key_of("segments", identity, photo, EVERYWHERE if where is None else where, *read)
         return _recall(
             self._store,
             key,
             (_pack_segments, _unpack_segments),
-            lambda: self._segmenter.segment(photo, features, where=where),
+            lambda: self._study.outlines(where),
         )
 
 

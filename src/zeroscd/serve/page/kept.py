@@ -47,6 +47,8 @@ class Kept:
 def weigh(thing: object) -> int:
     """Return how many bytes the arrays inside a record take; shared ones count each time.
 
+    What knows its own size is believed: not all of it need be arrays.
+
     Example:
         >>> weigh((np.zeros(10, np.uint8), [np.zeros(2, np.float32)]))
         18
@@ -55,6 +57,8 @@ def weigh(thing: object) -> int:
         return thing.nbytes
     if isinstance(thing, list | tuple):
         return sum(weigh(part) for part in thing)
+    if isinstance(own := getattr(thing, "size_bytes", None), int):
+        return own
     if dataclasses.is_dataclass(thing):
         return sum(weigh(getattr(thing, field.name)) for field in dataclasses.fields(thing))
     return 0
