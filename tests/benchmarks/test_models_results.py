@@ -15,6 +15,7 @@ PARTS = {
     "transformers_decoder_per_64_points",
     "bytes_of_64_points_in_flight",
     "coarse",
+    "again",
     "everything",
     "changed_share",
     "flagged_masks_iou",
@@ -49,6 +50,13 @@ def test_memory_and_speed_keep_their_promises(result: dict[str, Any]) -> None:
         for clock in ("wall", "processor"):
             ratio = found["ratios"][clock]["everything_with_transformers_decoder_over_coarse"]
             assert ratio > 5
+
+
+def test_asking_again_spares_the_encoder(result: dict[str, Any]) -> None:
+    for found in result["models"].values():
+        assert found["again"]["outlines"] == found["coarse"]["outlines"]
+        first, again = (found[way]["per_photo"]["processor"] for way in ("coarse", "again"))
+        assert first - again > 0.7 * found["encoder_per_photo"]["processor"]
 
 
 def test_the_ratios_follow_from_the_seconds(result: dict[str, Any]) -> None:
