@@ -97,6 +97,15 @@ def test_evaluate_writes_the_promised_files_and_prints_the_table(
     assert "3 pairs, t0/ t1/ mask/ with equal names" in shown.err
 
 
+@pytest.mark.parametrize("command", [["evaluate"], ["ablate", "--over", "tau=1"]])
+def test_a_name_that_is_too_long_for_a_folder_is_refused(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path, command: list[str]
+) -> None:
+    name, *options = command
+    with pytest.raises(OutputError, match="File name too long"):
+        run(app, name, "folder", tiny_folder, "-o", tmp_path / ("a" * 300), *options)
+
+
 def test_a_mask_that_is_not_as_large_as_its_photo_is_named(
     app: typer.Typer,
     tiny_folder: Path,

@@ -133,6 +133,12 @@ def test_a_path_with_a_null_character_is_refused(result: ChangeResult, tmp_path:
     assert everything_below(tmp_path) == set()
 
 
+def test_a_name_that_is_too_long_is_refused_before_any_work(tmp_path: Path) -> None:
+    for below in ("a" * 300, "a" * 300 + "/deeper", "/".join(["a" * 200] * 30)):
+        with pytest.raises(OutputError, match=r"^cannot write .*: File name too long; choose"):
+            check_target(tmp_path / below)
+
+
 @pytest.mark.parametrize("below", ["", "deeper/still"])
 def test_a_file_in_the_way_is_refused_and_stays(tmp_path: Path, below: str) -> None:
     (tmp_path / "out").write_text("a file")

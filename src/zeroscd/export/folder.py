@@ -38,11 +38,19 @@ def check_target(folder: Path) -> None:
     """Refuse, before any work is done, a folder that can never be written.
 
     Raises:
-        OutputError: It is a file, lies below one, may not be written to, or is no path at all.
+        OutputError: It is a file, lies below one, may not be written to, or is no path at all (a
+            null character, a name too long).
     """
     if "\0" in str(folder):
         message = f"cannot write {str(folder)!r}: no path holds a null character; leave it out"
         raise OutputError(message)
+    try:
+        folder.lstat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass  # said below, with the part of the path that is to blame
+    except OSError as error:  # a name too long, a circle of links
+        message = f"cannot write {folder}: {error.strerror}; choose another folder"
+        raise OutputError(message) from error
     nearest = _existing_part(folder)
     if not nearest.is_dir():
         message = f"cannot write {folder}: {nearest} is not a folder; choose another folder"

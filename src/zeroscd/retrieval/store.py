@@ -226,10 +226,18 @@ def is_index(address: str) -> bool:
         SettingsError: LanceDB is not installed.
         DatasetError: The object store cannot be asked.
     """
-    if "://" not in address and not (Path(address) / f"{PLACES}.lance").is_dir():
+    if "://" not in address and not _is_folder(Path(address) / f"{PLACES}.lance"):
         return False  # without asking LanceDB, which would make the folder
     with _telling(f"cannot read the place index {one_line(address)}", DatasetError):
         return PLACES in _connect(address).list_tables().tables
+
+
+def _is_folder(path: Path) -> bool:
+    """Say so of any text: a name that is too long for the system is no folder."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
 
 
 def _connect(address: str) -> Any:  # noqa: ANN401 - LanceDB's connection, imported when needed

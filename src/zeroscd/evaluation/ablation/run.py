@@ -14,6 +14,7 @@ from zeroscd.evaluation.ablation.store import ArrayStore
 from zeroscd.evaluation.bootstrap import intervals
 from zeroscd.evaluation.run import Run, evaluate_all
 from zeroscd.evaluation.scores import write_json
+from zeroscd.export.folder import check_target
 from zeroscd.fingerprint import digest_code, digest_weights, versions
 from zeroscd.models import SEGMENTERS, Models
 from zeroscd.progress import Silent
@@ -99,6 +100,7 @@ def ablate(
     groups = _with_equal_networks(tried)
     for members in groups:  # all of them before the hours that the first may take
         workshop.check(tried[members[0]])
+    check_target(plan.out)
     store = ArrayStore(plan.out / "cache", most_bytes=plan.cache_bytes)
     scores: dict[int, Scores] = {}
     for members in groups:
