@@ -69,6 +69,17 @@ def test_what_a_view_has_grown_by_counts(view: Callable[[], View]) -> None:
     assert {name for name in "abc" if views.get(name)} == {"b", "c"}
 
 
+def test_views_that_grow_while_nothing_new_comes_make_room_too(view: Callable[[], View]) -> None:
+    views = Views(4 * size_bytes(view()))
+    for name in "abcd":
+        views.put(name, view())
+    for name in "abcd":
+        held = views.get(name)
+        if held is not None:
+            held.study.outlines(None)  # twice as large now; all together would be eight of four
+    assert {name for name in "abcd" if views.get(name)} == {"b", "d"}
+
+
 def test_putting_one_twice_takes_its_room_once(view: Callable[[], View]) -> None:
     views = Views(2 * size_bytes(view()))
     for name in ("a", "a", "a", "b"):

@@ -15,7 +15,7 @@ class Views:
 
     Args:
         most_bytes: What all views together may hold: pixels, descriptors, what was found out
-            for their outlines.
+            for their outlines. What a view in use grows by counts from the next call on.
     """
 
     def __init__(self, most_bytes: int) -> None:
@@ -26,9 +26,11 @@ class Views:
     def get(self, digest: str) -> View | None:
         """Return the view of a photo if it is still there."""
         with self._turn:
-            if digest in self._held:
+            view = self._held.get(digest)
+            if view is not None:
                 self._held.move_to_end(digest)
-            return self._held.get(digest)
+                self._make_room()
+            return view
 
     def put(self, digest: str, view: View) -> None:
         """Keep a view; one that is too large for the whole cache is not kept."""
@@ -36,9 +38,12 @@ class Views:
             if digest in self._held or size_bytes(view) > self._most_bytes:
                 return
             self._held[digest] = view
-            # Measured anew each time: a view grows when its outlines are first asked for.
-            while sum(map(size_bytes, self._held.values())) > self._most_bytes:
-                self._held.popitem(last=False)
+            self._make_room()
+
+    def _make_room(self) -> None:
+        """Measure all anew: a view grows when its outlines are first asked for."""
+        while sum(map(size_bytes, self._held.values())) > self._most_bytes:
+            self._held.popitem(last=False)
 
 
 def size_bytes(view: View) -> int:
