@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil
+from threading import Barrier
+from time import sleep
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -304,6 +307,29 @@ def test_a_photo_is_looked_at_once_for_all_places_that_are_asked_about() -> None
     assert (network.looks, study.size_bytes) == (1, Glance.size_bytes)
     segmenter.study(BLANK, ()).outlines(None)
     assert network.looks == 2  # another photo, for all the segmenter knows
+
+
+def test_threads_that_share_a_photo_wait_for_the_one_look(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    network = Scripted([(0, 0, 40, 40)])
+    quick = Scripted.look
+    both = Barrier(2)
+
+    def slow(self: Scripted, photo: np.ndarray) -> Glance:
+        sleep(0.2)
+        return quick(self, photo)
+
+    monkeypatch.setattr(Scripted, "look", slow)
+    study = scripted_segmenter(network).study(BLANK, ())
+
+    def ask(_: int) -> int:
+        both.wait()
+        return len(study.outlines(None))
+
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(ask, range(2))) == [1, 1]
+    assert network.looks == 1
 
 
 def test_of_photo_and_crops_only_the_photo_is_remembered(

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+from time import sleep
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,13 +12,15 @@ from hypothesis import strategies as st
 
 from zeroscd.encoders.lite import load as load_encoder
 from zeroscd.segmenters import lite
-from zeroscd.segmenters.hierarchy import Hierarchy
+from zeroscd.segmenters.hierarchy import Hierarchy, build_hierarchy
 from zeroscd.segmenters.lite import LiteSegmenter
 from zeroscd.segmenters.lite import load as load_segmenter
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from numpy.typing import NDArray
 
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.records import FeatureMap, Segments
@@ -161,6 +166,31 @@ def test_the_tree_is_grown_once_for_all_places_that_are_asked_about(
     monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", None)
     assert [one.bbox_xywh for one in study.outlines(ball)] == fresh
     assert 0 < len(fresh) < everywhere
+
+
+def test_threads_that_share_a_photo_wait_for_the_one_tree(
+    ball_on_wall: tuple[Rgb, Mask], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photo, _ = ball_on_wall
+    (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
+    both, grown = Barrier(2), []
+
+    def slow(borders: NDArray[np.float32]) -> Hierarchy:
+        grown.append(borders)
+        sleep(0.2)
+        return build_hierarchy(borders)
+
+    monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", slow)
+    study = load_segmenter(SETTINGS, "cpu").study(photo, maps)
+
+    def ask(_: int) -> int:
+        both.wait()
+        return len(study.outlines(None))
+
+    with ThreadPoolExecutor(2) as threads:
+        one, other = threads.map(ask, range(2))
+    assert one == other > 0
+    assert len(grown) == 1
 
 
 def test_depths_may_come_in_any_order(ball_on_wall: tuple[Rgb, Mask]) -> None:

@@ -5,7 +5,8 @@ Source: arXiv 2304.02643 (Segment Anything), section 5 and appendix B.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from threading import Lock
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -103,6 +104,8 @@ class AutomaticSegmenter:
 class AutomaticStudy:
     """A photo and what the network saw of it, so that it is looked at once.
 
+    Threads may share it: whoever comes first looks, the others wait for it.
+
     Attributes:
         network: Answers points.
         settings: Grid, filters and crops.
@@ -115,6 +118,7 @@ class AutomaticStudy:
     settings: SegmentSettings
     photo: Rgb
     seen: Seen | None = None
+    _turn: Lock = field(default_factory=Lock, init=False, repr=False)
 
     @property
     def size_bytes(self) -> int:
@@ -151,13 +155,13 @@ class AutomaticStudy:
                 yield crop, points_xy
 
     def _look(self, crop: Crop) -> Seen:
-        if self.seen is not None and crop.layer == 0:
+        if crop.layer:
+            x0, y0, x1, y1 = crop.box_xyxy
+            return self.network.look(self.photo[y0:y1, x0:x1])
+        with self._turn:
+            if self.seen is None:
+                self.seen = self.network.look(self.photo)
             return self.seen
-        x0, y0, x1, y1 = crop.box_xyxy
-        look = self.network.look(self.photo[y0:y1, x0:x1])
-        if crop.layer == 0:
-            self.seen = look
-        return look
 
     def _masks(self, crop: Crop, points_xy: PointsXy) -> Iterator[Candidate]:
         look = self._look(crop)

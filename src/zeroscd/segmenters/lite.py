@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,16 +56,20 @@ class LiteSegmenter:
 
 
 class LiteStudy:
-    """A photo and its tree of regions, which is built when it is first needed."""
+    """A photo and its tree of regions, which is built when it is first needed.
+
+    Threads may share it: whoever comes first builds, the others wait for it.
+    """
 
     def __init__(self, head: BoundaryHead, photo: Rgb, features: tuple[FeatureMap, ...]) -> None:
         self._head, self._photo, self._features = head, photo, features
+        self._tree: Hierarchy | None = None
+        self._turn = Lock()
 
     @property
     def size_bytes(self) -> int:
         """What the tree takes."""
-        # Asking for the property itself would build the tree.
-        tree: Hierarchy | None = self.__dict__.get("_hierarchy")
+        tree = self._tree
         return 0 if tree is None else tree.leaf_of.nbytes + tree.first.nbytes + tree.last.nbytes
 
     def outlines(self, where: Mask | None) -> Segments:
@@ -74,7 +78,7 @@ class LiteStudy:
         Args:
             where: (H, W) places of interest; None = everywhere.
         """
-        hierarchy = self._hierarchy
+        hierarchy = self._hierarchy()
         leaf_of = _to_photo(hierarchy.leaf_of, self._photo.shape[:2])
         least_px = LEAST_CELLS * leaf_of.size / hierarchy.leaf_of.size
         return Segments(
@@ -82,8 +86,13 @@ class LiteStudy:
             items=tuple(_outlines(hierarchy, leaf_of, where=where, least_px=least_px)),
         )
 
-    @cached_property
     def _hierarchy(self) -> Hierarchy:
+        with self._turn:
+            if self._tree is None:
+                self._tree = self._built()
+            return self._tree
+
+    def _built(self) -> Hierarchy:
         rows, cols = next(m for m in self._features if m.source == FINEST).grid.size_hw
         stride = LEVEL_STRIDES_PX[FINEST]
         working = resize(self._photo, (rows * stride, cols * stride))
