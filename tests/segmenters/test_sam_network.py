@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,10 @@ from PIL import Image
 from zeroscd.segmenters.sam_network import SamNetwork, sam2_pixels, sam_pixels, seen_size
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from typing import TypeAlias
+
+    from torch import Tensor
 
     from zeroscd.segmenters.sam_network import Sam2Network
 
@@ -44,6 +47,21 @@ def test_sam2s_pixels_equal_an_antialiased_squeeze_by_pillow(size_hw: tuple[int,
     expected = (np.stack(planes, axis=2) / 255 - mean) / std
     found = sam2_pixels(photo, 128).permute(1, 2, 0).numpy()
     np.testing.assert_allclose(found, expected, atol=2e-3)  # Pillow rounds its weights
+
+
+def test_a_look_says_how_much_memory_it_holds(network: Sams, photo: np.ndarray) -> None:
+    look = network.look(photo)
+    held = {one.untyped_storage().data_ptr(): one for one in tensors_in(look)}
+    assert look.size_bytes == sum(one.untyped_storage().nbytes() for one in held.values()) > 10_000
+
+
+def tensors_in(thing: object) -> Iterator[Tensor]:
+    if isinstance(thing, torch.Tensor):
+        yield thing
+    parts = [getattr(thing, one.name) for one in fields(thing)] if is_dataclass(thing) else thing
+    if isinstance(parts, list | tuple):
+        for part in parts:
+            yield from tensors_in(part)
 
 
 def test_the_longer_side_fills_the_square() -> None:
