@@ -125,9 +125,11 @@ def test_no_altered_byte_of_a_checkpoint_escapes_as_another_error(
 
 
 def test_data_without_named_tensors_is_no_checkpoint(tmp_path: Path) -> None:
-    torch.save({"a": torch.ones(1), "b": 3}, tmp_path / "w.pth")
-    with pytest.raises(WeightsError, match="holds no table of named tensors"):
-        read_tensors(tmp_path / "w.pth")
+    tables: list[dict[str, object]] = [{"a": torch.ones(1), "b": 3}, {}, {"model": {}}]
+    for data in tables:
+        torch.save(data, tmp_path / "w.pth")
+        with pytest.raises(WeightsError, match="holds no table of named tensors"):
+            read_tensors(tmp_path / "w.pth")
 
 
 def test_safetensors_are_known_by_their_content(tmp_path: Path) -> None:

@@ -57,7 +57,7 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
     for wrapper in WRAPPERS:
         if isinstance(loaded, dict) and isinstance(loaded.get(wrapper), dict):
             loaded = loaded[wrapper]
-    if not isinstance(loaded, dict) or not all(map(torch.is_tensor, loaded.values())):
+    if not isinstance(loaded, dict) or not loaded or not all(map(torch.is_tensor, loaded.values())):
         message = f"{path} holds no table of named tensors; it is not a checkpoint of weights"
         raise WeightsError(message)
     return {str(key): value for key, value in loaded.items()}
