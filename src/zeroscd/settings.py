@@ -8,7 +8,7 @@ import types
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from zeroscd.errors import SettingsError
+from zeroscd.errors import SettingsError, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -102,7 +102,7 @@ class Settings:
         changed = self
         for name, value in values.items():
             if name == "rules":
-                changed = changed.override(_rules(str(value)))
+                changed = changed.override(_rules(value))
             else:
                 changed = _replace_leaf(changed, name, value)
         return changed
@@ -201,10 +201,10 @@ def leaf_names() -> tuple[str, ...]:
     return ("rules", *_LEAVES)
 
 
-def _rules(name: str) -> Mapping[str, object]:
+def _rules(name: object) -> Mapping[str, object]:
     if name == "paper":
         return PAPER_RULES
-    message = f"unknown rules {name!r}; choose: paper (the literal reading of the paper)"
+    message = f"unknown rules {shown(name)}; choose: paper (the literal reading of the paper)"
     raise SettingsError(message)
 
 
@@ -251,19 +251,19 @@ def _parse(name: str, value: object, hint: Any) -> object:  # noqa: ANN401 - a t
         options = get_args(hint)
         if value in options:
             return value
-        message = f"setting {name} cannot be {value!r}; choose one of: {', '.join(options)}"
+        message = f"setting {name} cannot be {shown(value)}; choose one of: {', '.join(options)}"
         raise SettingsError(message)
     if get_origin(hint) in (types.UnionType, Union):
-        if value is None or str(value).lower() == "none":
+        if value is None or (isinstance(value, str) and value.lower() == "none"):
             return None
         hint = next(part for part in get_args(hint) if part is not type(None))
     number = _convert(value, hint)
     if number is None or (isinstance(number, float) and not math.isfinite(number)):
-        message = f"setting {name} needs a {hint.__name__}, not {value!r}"
+        message = f"setting {name} needs a {hint.__name__}, not {shown(value)}"
         raise SettingsError(message)
     lowest, highest = RANGES.get(name, (None, None))
     if lowest is not None and not lowest <= number <= highest:
-        message = f"setting {name} must lie between {lowest} and {highest}, not at {value!r}"
+        message = f"setting {name} must lie between {lowest} and {highest}, not at {shown(value)}"
         raise SettingsError(message)
     return number
 
