@@ -208,9 +208,10 @@ def test_weight_is_the_bytes_of_all_arrays(kept: Kept) -> None:
 
 def test_what_the_segmenter_remembers_of_the_photos_counts_too(kept: Kept) -> None:
     views = (kept.evidence.pair.view_t0, kept.evidence.pair.view_t1)
-    study: Any = SimpleNamespace(size_bytes=1000)  # the tiles of these photos take nothing
-    grown = [replace(view, study=study) for view in views]
-    assert [weigh(view) + 1000 for view in views] == [weigh(view) for view in grown]
+    for size_bytes in (1000, np.int64(1000)):
+        study: Any = SimpleNamespace(size_bytes=size_bytes)  # the tiles of these photos take none
+        grown = [replace(view, study=study) for view in views]
+        assert [weigh(view) + 1000 for view in views] == [weigh(view) for view in grown]
 
 
 def test_photos_and_pictures_travel_over_the_pages_own_addresses(live: str, pair: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,8 +58,8 @@ def weigh(thing: object) -> int:
         return thing.nbytes
     if isinstance(thing, list | tuple):
         return sum(weigh(part) for part in thing)
-    if isinstance(own := getattr(thing, "size_bytes", None), int):
-        return own
+    if isinstance(own := getattr(thing, "size_bytes", None), Integral):
+        return int(own)
     if dataclasses.is_dataclass(thing):
         return sum(weigh(getattr(thing, field.name)) for field in dataclasses.fields(thing))
     return 0
