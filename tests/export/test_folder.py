@@ -133,6 +133,11 @@ def test_a_path_with_a_null_character_is_refused(result: ChangeResult, tmp_path:
     assert everything_below(tmp_path) == set()
 
 
+def test_half_a_character_is_no_name(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"a\\ud800': this system cannot spell it"):
+        check_target(tmp_path / "a\ud800")
+
+
 def test_a_name_that_is_too_long_is_refused_before_any_work(tmp_path: Path) -> None:
     for below in ("a" * 300, "a" * 300 + "/deeper", "/".join(["a" * 200] * 30)):
         with pytest.raises(OutputError, match=r"^cannot write .*: File name too long; choose"):

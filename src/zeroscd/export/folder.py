@@ -39,7 +39,7 @@ def check_target(folder: Path) -> None:
 
     Raises:
         OutputError: It is a file, lies below one, may not be written to, or is no path at all (a
-            null character, a name too long).
+            null character, half a character, a name too long).
     """
     if "\0" in str(folder):
         message = f"cannot write {str(folder)!r}: no path holds a null character; leave it out"
@@ -48,6 +48,9 @@ def check_target(folder: Path) -> None:
         folder.lstat()
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         pass  # said below, with the part of the path that is to blame
+    except UnicodeError as error:
+        message = f"cannot write {str(folder)!r}: this system cannot spell it; choose another name"
+        raise OutputError(message) from error
     except OSError as error:  # a name too long, a circle of links
         message = f"cannot write {folder}: {error.strerror}; choose another folder"
         raise OutputError(message) from error
