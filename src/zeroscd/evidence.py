@@ -38,6 +38,12 @@ class View:
         """Height and width of the photo."""
         return self.photo.size_hw
 
+    @property
+    def size_bytes(self) -> int:
+        """What it holds in memory by now: it grows when its outlines are first asked for."""
+        described = sum(one.descriptors.nbytes for one in self.maps)
+        return self.photo.pixels.nbytes + described + self.study.size_bytes
+
 
 @dataclass(frozen=True, slots=True)
 class Pair:

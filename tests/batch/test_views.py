@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from zeroscd.batch.views import Views, size_bytes
+from zeroscd.batch.views import Views
 from zeroscd.evidence import View
 from zeroscd.images.grid import PatchGrid
 from zeroscd.records import FeatureMap, Segments
@@ -44,13 +44,13 @@ def view() -> Callable[[], View]:
 
 def test_a_view_is_as_large_as_all_that_it_holds_by_now(view: Callable[[], View]) -> None:
     one = view()
-    assert size_bytes(one) == PIXELS + DESCRIPTORS
+    assert one.size_bytes == PIXELS + DESCRIPTORS
     one.study.outlines(None)
-    assert size_bytes(one) == 2 * (PIXELS + DESCRIPTORS)
+    assert one.size_bytes == 2 * (PIXELS + DESCRIPTORS)
 
 
 def test_the_view_not_used_for_longest_makes_room(view: Callable[[], View]) -> None:
-    views = Views(3 * size_bytes(view()) + 1)
+    views = Views(3 * view().size_bytes + 1)
     for name in "abc":
         views.put(name, view())
     assert views.get("a") is not None  # used again: b is now the oldest
@@ -59,7 +59,7 @@ def test_the_view_not_used_for_longest_makes_room(view: Callable[[], View]) -> N
 
 
 def test_what_a_view_has_grown_by_counts(view: Callable[[], View]) -> None:
-    views = Views(3 * size_bytes(view()))
+    views = Views(3 * view().size_bytes)
     for name in "ab":
         views.put(name, view())
         held = views.get(name)
@@ -70,7 +70,7 @@ def test_what_a_view_has_grown_by_counts(view: Callable[[], View]) -> None:
 
 
 def test_views_that_grow_while_nothing_new_comes_make_room_too(view: Callable[[], View]) -> None:
-    views = Views(4 * size_bytes(view()))
+    views = Views(4 * view().size_bytes)
     for name in "abcd":
         views.put(name, view())
     for name in "abcd":
@@ -81,7 +81,7 @@ def test_views_that_grow_while_nothing_new_comes_make_room_too(view: Callable[[]
 
 
 def test_putting_one_twice_takes_its_room_once(view: Callable[[], View]) -> None:
-    views = Views(2 * size_bytes(view()))
+    views = Views(2 * view().size_bytes)
     for name in ("a", "a", "a", "b"):
         views.put(name, view())
     assert views.get("a") is not None
@@ -91,7 +91,7 @@ def test_putting_one_twice_takes_its_room_once(view: Callable[[], View]) -> None
 def test_a_view_larger_than_the_cache_throws_nothing_out(view: Callable[[], View]) -> None:
     small = view()
     large = View(Photo(pixels=np.zeros((40, 40, 3), np.uint8)), (), Growing())
-    views = Views(size_bytes(small))
+    views = Views(small.size_bytes)
     views.put("small", small)
     views.put("large", large)
     assert views.get("small") is small

@@ -35,18 +35,12 @@ class Views:
     def put(self, digest: str, view: View) -> None:
         """Keep a view; one that is too large for the whole cache is not kept."""
         with self._turn:
-            if digest in self._held or size_bytes(view) > self._most_bytes:
+            if digest in self._held or view.size_bytes > self._most_bytes:
                 return
             self._held[digest] = view
             self._make_room()
 
     def _make_room(self) -> None:
-        """Measure all anew: a view grows when its outlines are first asked for."""
-        while sum(map(size_bytes, self._held.values())) > self._most_bytes:
+        """Measure all anew, for they grow."""
+        while sum(view.size_bytes for view in self._held.values()) > self._most_bytes:
             self._held.popitem(last=False)
-
-
-def size_bytes(view: View) -> int:
-    """Return what a view holds in memory."""
-    described = sum(one.descriptors.nbytes for one in view.maps)
-    return view.photo.pixels.nbytes + described + view.study.size_bytes
