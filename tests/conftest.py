@@ -131,6 +131,36 @@ class ScriptedStudy:
         return Segments(size_hw=self.photo.shape[:2], items=found)
 
 
+@dataclass(frozen=True)
+class SizeSegmenter:
+    """Cuts photos of one size alike: only size and wanted place decide."""
+
+    outlines_of: Callable[[tuple[int, int], Mask | None], tuple[Segment, ...]]
+    name: str = "by size"
+
+    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> SizeStudy:
+        del features
+        return SizeStudy(self.outlines_of, photo.shape[:2])
+
+
+@dataclass(frozen=True)
+class SizeStudy:
+    """A photo of which only the size counts."""
+
+    outlines_of: Callable[[tuple[int, int], Mask | None], tuple[Segment, ...]]
+    size_hw: tuple[int, int]
+    size_bytes: int = 0
+
+    def outlines(self, where: Mask | None) -> Segments:
+        return Segments(size_hw=self.size_hw, items=self.outlines_of(self.size_hw, where))
+
+
+@pytest.fixture(scope="session")
+def cut_by_size() -> type[SizeSegmenter]:
+    """Make a segmenter of a function of size and wanted place."""
+    return SizeSegmenter
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """Two drawn photos of one place, and everything that is true about them.

@@ -16,7 +16,6 @@ from zeroscd.detector import Detector
 from zeroscd.errors import ImageError, SettingsError
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models
-from zeroscd.records import Segments
 from zeroscd.result import Alignment, ChangeResult, NotAligned
 from zeroscd.settings import PRESETS, Settings
 
@@ -344,20 +343,11 @@ def test_a_result_says_how_it_came_about(toy_encoder: PatchEncoder, draw_scene: 
 
 
 def test_a_segmenter_that_finds_nothing_leaves_the_mask_empty(
-    toy_encoder: PatchEncoder, draw_scene: Any
+    toy_encoder: PatchEncoder, draw_scene: Any, cut_by_size: Any
 ) -> None:
-    class Blind:
-        name, size_bytes = "blind", 0
-
-        def study(self, photo: Rgb, features: Any) -> Blind:
-            self.size_hw = photo.shape[:2]
-            return self
-
-        def outlines(self, where: Any) -> Segments:
-            return Segments(size_hw=self.size_hw, items=())
-
+    blind = cut_by_size(lambda *_: ())
     scene = draw_scene(removed=[CAR], added=[SIGN])
-    result = Detector(Settings().override(PLAIN), Models(toy_encoder, Blind())).detect(
+    result = Detector(Settings().override(PLAIN), Models(toy_encoder, blind)).detect(
         scene.before, scene.after
     )
     assert not result.mask.any()

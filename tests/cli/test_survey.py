@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -12,43 +11,22 @@ from PIL import Image
 from zeroscd.cli.main import run
 from zeroscd.detector import Detector
 from zeroscd.models import Models
-from zeroscd.records import Segments
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from zeroscd.arrays import Mask, Rgb
     from zeroscd.encoders.port import PatchEncoder
 
 pytest.importorskip("lancedb")
 
 
-class NothingSegmenter:
-    """Sees no outlines."""
-
-    name = "toy"
-
-    def study(self, photo: Rgb, features: object) -> NothingStudy:
-        del features
-        return NothingStudy(photo.shape[:2])
-
-
-@dataclass(frozen=True)
-class NothingStudy:
-    """A photo without outlines."""
-
-    size_hw: tuple[int, int]
-    size_bytes: int = 0
-
-    def outlines(self, where: Mask | None) -> Segments:
-        del where
-        return Segments(size_hw=self.size_hw, items=())
-
-
 @pytest.fixture(autouse=True)
-def no_network(monkeypatch: pytest.MonkeyPatch, toy_encoder: PatchEncoder) -> None:
-    detector = Detector(Settings(), Models(toy_encoder, NothingSegmenter()), preset="toy")
+def no_network(
+    monkeypatch: pytest.MonkeyPatch, toy_encoder: PatchEncoder, cut_by_size: Any
+) -> None:
+    finds_nothing = cut_by_size(lambda *_: ())
+    detector = Detector(Settings(), Models(toy_encoder, finds_nothing), preset="toy")
     monkeypatch.setattr("zeroscd.retrieval.index.load_encoder", lambda *_, **__: toy_encoder)
     monkeypatch.setattr(Detector, "from_preset", lambda *_, **__: detector)
 

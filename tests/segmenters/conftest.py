@@ -6,6 +6,8 @@ on sums of another order. In single precision one pixel in a million would flip.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +19,8 @@ from zeroscd.segmenters.tiny_vit import Stage, TinyVit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+    from zeroscd.segmenters.port import Study
 
 SIDE_PX = 128
 
@@ -177,6 +181,24 @@ def one_thread() -> Iterator[None]:
     torch.set_num_threads(1)
     yield
     torch.set_num_threads(before)
+
+
+@pytest.fixture
+def ask_twice_at_once() -> Callable[[Study], tuple[int, int]]:
+    """Let two threads ask for all outlines at the same time; how many each got."""
+
+    def ask(study: Study) -> tuple[int, int]:
+        both = Barrier(2)
+
+        def one(_: int) -> int:
+            both.wait()
+            return len(study.outlines(None))
+
+        with ThreadPoolExecutor(2) as threads:
+            first, second = threads.map(one, range(2))
+        return first, second
+
+    return ask
 
 
 @pytest.fixture(params=["sam", "sam2"])

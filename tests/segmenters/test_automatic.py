@@ -1,10 +1,8 @@
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil
-from threading import Barrier
 from time import sleep
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -18,11 +16,12 @@ from zeroscd.segmenters.sam_network import SamNetwork, sam2_pixels, sam_pixels
 from zeroscd.settings import SegmentSettings
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from torch import Tensor
 
     from zeroscd.records import Segments
+    from zeroscd.segmenters.port import Study
     from zeroscd.segmenters.sam_network import Sam2Network
 
     Sams: TypeAlias = SamNetwork | Sam2Network
@@ -310,25 +309,17 @@ def test_a_photo_is_looked_at_once_for_all_places_that_are_asked_about() -> None
 
 
 def test_threads_that_share_a_photo_wait_for_the_one_look(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, ask_twice_at_once: Callable[[Study], tuple[int, int]]
 ) -> None:
     network = Scripted([(0, 0, 40, 40)])
     quick = Scripted.look
-    both = Barrier(2)
 
     def slow(self: Scripted, photo: np.ndarray) -> Glance:
         sleep(0.2)
         return quick(self, photo)
 
     monkeypatch.setattr(Scripted, "look", slow)
-    study = scripted_segmenter(network).study(BLANK, ())
-
-    def ask(_: int) -> int:
-        both.wait()
-        return len(study.outlines(None))
-
-    with ThreadPoolExecutor(2) as threads:
-        assert list(threads.map(ask, range(2))) == [1, 1]
+    assert ask_twice_at_once(scripted_segmenter(network).study(BLANK, ())) == (1, 1)
     assert network.looks == 1
 
 

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier
 from time import sleep
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +22,7 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.records import FeatureMap, Segments
+    from zeroscd.segmenters.port import Study
 
 SETTINGS = Settings(side_px=192)
 
@@ -169,11 +168,13 @@ def test_the_tree_is_grown_once_for_all_places_that_are_asked_about(
 
 
 def test_threads_that_share_a_photo_wait_for_the_one_tree(
-    ball_on_wall: tuple[Rgb, Mask], monkeypatch: pytest.MonkeyPatch
+    ball_on_wall: tuple[Rgb, Mask],
+    monkeypatch: pytest.MonkeyPatch,
+    ask_twice_at_once: Callable[[Study], tuple[int, int]],
 ) -> None:
     photo, _ = ball_on_wall
     (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
-    both, grown = Barrier(2), []
+    grown = []
 
     def slow(borders: NDArray[np.float32]) -> Hierarchy:
         grown.append(borders)
@@ -181,14 +182,7 @@ def test_threads_that_share_a_photo_wait_for_the_one_tree(
         return build_hierarchy(borders)
 
     monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", slow)
-    study = load_segmenter(SETTINGS, "cpu").study(photo, maps)
-
-    def ask(_: int) -> int:
-        both.wait()
-        return len(study.outlines(None))
-
-    with ThreadPoolExecutor(2) as threads:
-        one, other = threads.map(ask, range(2))
+    one, other = ask_twice_at_once(load_segmenter(SETTINGS, "cpu").study(photo, maps))
     assert one == other > 0
     assert len(grown) == 1
 

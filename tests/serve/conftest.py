@@ -19,7 +19,7 @@ from fastapi.testclient import TestClient
 
 from zeroscd.detector import Detector
 from zeroscd.models import Models
-from zeroscd.records import Segment, Segments
+from zeroscd.records import Segment
 from zeroscd.serve.app import make_app
 from zeroscd.serve.connection import PatientConnection
 from zeroscd.serve.limits import Limits
@@ -75,34 +75,17 @@ class HeldEncoder:
         return self.inner.encode(photos)
 
 
-@dataclass(frozen=True)
-class TileSegmenter:
-    """Cuts every photo into the same tiles."""
-
-    name: str = "tiles"
-
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> TileStudy:
-        del features
-        return TileStudy(photo.shape[:2])
-
-
-@dataclass(frozen=True)
-class TileStudy:
-    """A photo of which only the size counts."""
-
-    size_hw: tuple[int, int]
-    size_bytes: int = 0
-
-    def outlines(self, where: Mask | None) -> Segments:
-        del where
-        height, width = self.size_hw
-        tile = np.ones((TILE_PX, TILE_PX), dtype=bool)
-        found = [
-            Segment.from_mask(tile[: height - top, : width - left], offset_xy=(left, top))
-            for top in range(0, height, TILE_PX)
-            for left in range(0, width, TILE_PX)
-        ]
-        return Segments(size_hw=(height, width), items=tuple(s for s in found if s is not None))
+def tiles(size_hw: tuple[int, int], where: Mask | None) -> tuple[Segment, ...]:
+    """Cut every photo into the same tiles."""
+    del where
+    height, width = size_hw
+    tile = np.ones((TILE_PX, TILE_PX), dtype=bool)
+    found = [
+        Segment.from_mask(tile[: height - top, : width - left], offset_xy=(left, top))
+        for top in range(0, height, TILE_PX)
+        for left in range(0, width, TILE_PX)
+    ]
+    return tuple(s for s in found if s is not None)
 
 
 class Pair(NamedTuple):
@@ -147,14 +130,16 @@ def as_png(pixels: Rgb) -> bytes:
 
 
 @pytest.fixture(scope="session")
-def make_service(toy_encoder: PatchEncoder) -> Callable[..., tuple[Service, HeldEncoder]]:
+def make_service(
+    toy_encoder: PatchEncoder, cut_by_size: Any
+) -> Callable[..., tuple[Service, HeldEncoder]]:
     """Build a service with toy models that do not wait."""
 
     def make(limits: Limits = TIGHT) -> tuple[Service, HeldEncoder]:
         encoder = HeldEncoder(toy_encoder)
         encoder.go.set()
         settings = Settings().override(PLAIN)
-        detector = Detector(settings, Models(encoder, TileSegmenter()), preset="toy")
+        detector = Detector(settings, Models(encoder, cut_by_size(tiles)), preset="toy")
         return Service({"toy": detector}, limits), encoder
 
     return make
