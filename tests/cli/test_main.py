@@ -42,6 +42,15 @@ def one_error_line(text: str) -> str:
     return text
 
 
+LONG = "a" * 300  # more than any file system takes
+READERS = (
+    ["evaluate", "folder"],
+    ["evaluate", "vl-cmu-cd"],
+    ["ablate", "folder", "--over", "tau=1"],
+    ["index", "build"],
+)
+
+
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
@@ -64,6 +73,9 @@ def one_error_line(text: str) -> str:
         (["detect", "missing.jpg", "b.jpg", "-o", "out"], "missing.jpg does not exist"),
         (["detect", "a.jpg", "b.jpg", "-o", ""], "after `zeroscd detect a.jpg b.jpg -o` is empty"),
         (["detect", "in_the_way", "b.jpg", "-o", "out"], "in_the_way"),
+        *(([*words, LONG, "-o", "out"], LONG) for words in READERS),
+        (["batch", LONG, LONG, "-o", "out"], LONG),
+        (["batch", f"{LONG}.csv", "-o", "out"], LONG),
     ],
 )
 def test_what_a_user_gets_wrong_is_one_line_and_leaves_nothing_behind(

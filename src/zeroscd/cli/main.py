@@ -82,6 +82,11 @@ def run(arguments: Sequence[str]) -> int:
         reason = error.format_message().replace("Value error, ", "") or "Missing command."
         fail(f"{reason.rstrip('.')}; see `zeroscd --help`")
         return USER_ERROR
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        fail(f"no file or folder can be called {error.filename}: {error.strerror}; check the path")
+        return USER_ERROR
     except (KeyboardInterrupt, typer.Abort):
         return INTERRUPTED
     return int(code or 0)
