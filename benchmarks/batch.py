@@ -32,14 +32,14 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from zeroscd.bench import machine
-from zeroscd.evaluation.scores import write_json
+from zeroscd.output import write_json
 
 RESULTS = Path(__file__).parent / "results" / "batch"
 SMALL_WH = (128, 96)  # pixels of the photos that only the engine is tested with
 # Half of what may be a change counts: the more regions, the sharper the comparison of rows.
 SMALL = (
     *("--device", "cpu", "--set", "side_px=128", "--set", "min_area_px=10"),
-    *("--set", "least_peak=0", "--set", "alpha=0.3", "--set", "tau_share=0.25"),
+    *("--set", "min_peak=0", "--set", "alpha=0.3", "--set", "tau_share=0.25"),
 )
 SHARED_BY = 4  # pairs that have their photo before in common
 GAIN, NOISE = 0.2, 4.0  # of the perturbed photo after: +- share of light, grey levels

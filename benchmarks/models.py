@@ -22,9 +22,9 @@ import numpy as np
 import torch
 
 from zeroscd.bench import machine
+from zeroscd.device import pick_device, pick_precision
 from zeroscd.encoders import dino
-from zeroscd.evaluation.scores import write_json
-from zeroscd.models import pick_device, pick_precision
+from zeroscd.output import write_json
 from zeroscd.segmenters import sam
 from zeroscd.segmenters.automatic import AutomaticSegmenter
 from zeroscd.segmenters.prompts import grid_points
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from zeroscd.records import Segments
-    from zeroscd.segmenters.sam_network import Look, Network, Sam2Network, SamNetwork
+    from zeroscd.segmenters.sam_network import Network, Sam2Network, SamImageEmbedding, SamNetwork
 
 RESULTS = Path(__file__).parent / "results" / "models"
 PHOTO_PX = 1024  # side of both photos
@@ -77,16 +77,18 @@ class Drawn:
     """A network that works as hard as the real one and answers with drawn objects."""
 
     inner: Any  # SamNetwork or Sam2Network
-    pred_iou: float = 0.5
+    pred_iou_thresh: float = 0.5
 
-    def look(self, photo: np.ndarray) -> Look:
+    def embed(self, photo: np.ndarray) -> SamImageEmbedding:
         """Encode for real."""
-        look: Look = self.inner.look(photo)
-        return look
+        embedding: SamImageEmbedding = self.inner.embed(photo)
+        return embedding
 
-    def ask(self, look: Look, points_xy: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+    def predict(
+        self, embedding: SamImageEmbedding, points_xy: np.ndarray
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """Decode for real, then draw: the object, its upper half, and the four around it."""
-        logits, scores = self.inner.ask(look, points_xy)
+        logits, scores = self.inner.predict(embedding, points_xy)
         side = logits.shape[-1]
         logits.fill_(-8.0)
         scores.zero_()
@@ -97,9 +99,9 @@ class Drawn:
                 scores[3 * index + kind] = SCORES[kind]
         return logits, scores
 
-    def enlarge(self, look: Look, logits: torch.Tensor) -> torch.Tensor:
+    def upscale_masks(self, embedding: SamImageEmbedding, logits: torch.Tensor) -> torch.Tensor:
         """Enlarge for real."""
-        enlarged: torch.Tensor = self.inner.enlarge(look, logits)
+        enlarged: torch.Tensor = self.inner.upscale_masks(embedding, logits)
         return enlarged
 
 
@@ -187,15 +189,15 @@ def measure_sam(name: str, device: str, *, half: bool) -> dict[str, Any]:
     network = sam.network_of(randomised(model, device), settings)
     parts = measure_parts(network, device)
     drawn = AutomaticSegmenter(name=name, network=Drawn(network), settings=settings.segment)
-    where, known = coarse_change(), drawn.study(blank(), ())
+    where, known = coarse_change(), drawn.proposals(blank(), ())
     ways, united = {}, []
     for kind, study, chosen in (
         ("coarse", known, where),
         ("again", known, where),
-        ("everything", drawn.study(blank(), ()), None),
+        ("everything", drawn.proposals(blank(), ()), None),
     ):
         with Stopwatch(device) as watch:
-            found = study.outlines(chosen)
+            found = study.segments(chosen)
         ways[kind] = {"per_photo": watch.seconds(), "outlines": len(found)}
         united.append(flagged(found, where))
     shared, either = np.all(united, axis=0).sum(), np.any(united, axis=0).sum()
@@ -210,13 +212,13 @@ def measure_sam(name: str, device: str, *, half: bool) -> dict[str, Any]:
 def measure_parts(network: SamNetwork | Sam2Network, device: str) -> dict[str, Any]:
     """Time encoder and decoders; how much memory 64 points need."""
     points = grid_points((PHOTO_PX, PHOTO_PX), per_side=32)[:BATCH]
-    look = network.look(blank())
-    network.ask(look, points[:4])
+    embedding = network.embed(blank())
+    network.predict(embedding, points[:4])
     return {
-        "encoder_per_photo": usual(lambda: network.look(blank()), device),
-        "decoder_per_64_points": usual(lambda: network.ask(look, points), device),
+        "encoder_per_photo": usual(lambda: network.embed(blank()), device),
+        "decoder_per_64_points": usual(lambda: network.predict(embedding, points), device),
         "transformers_decoder_per_64_points": measure_reference(network, points, device),
-        "bytes_of_64_points_in_flight": peak_bytes(lambda: network.ask(look, points)),
+        "bytes_of_64_points_in_flight": peak_bytes(lambda: network.predict(embedding, points)),
     }
 
 

@@ -27,11 +27,10 @@ from zeroscd.detector import Detector
 from zeroscd.evaluation.datasets.folder import open_root
 from zeroscd.evaluation.metrics import count
 from zeroscd.evaluation.report.tables import Table
-from zeroscd.evaluation.scores import write_json, write_whole
 from zeroscd.evaluation.truth import load_pair
 from zeroscd.models import Models
-from zeroscd.records import Segments
-from zeroscd.result import Alignment
+from zeroscd.output import write_json, write_whole
+from zeroscd.records import Alignment, Segments
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -77,11 +76,11 @@ class Remembering:
             self._maps = self._models.encoder.encode(photos)
         return self._maps
 
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> Remembered:
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> Remembered:
         """Return the outlines of a photo."""
         key = photo.tobytes()
         if key not in self._known:
-            whole = self._models.segmenter.study(photo, features).outlines(None)
+            whole = self._models.segmenter.proposals(photo, features).segments(None)
             self._known[key] = Remembered(whole)
         return self._known[key]
 
@@ -93,7 +92,7 @@ class Remembered:
     whole: Segments
     size_bytes: int = 0
 
-    def outlines(self, where: Mask | None) -> Segments:
+    def segments(self, where: Mask | None) -> Segments:
         """Return those that touch the wanted places."""
         if where is None:
             return self.whole
@@ -162,7 +161,7 @@ class Bench:
         photos, changed = (self.pair.before, self.pair.after), self.pair.truth.changed
         maps = self.models.encode(photos)
         here, there = (
-            self.models.study(photo, one).outlines(None)
+            self.models.proposals(photo, one).segments(None)
             for photo, one in zip(photos[::-1], maps[::-1], strict=True)
         )
         t0_from_t1, size_t0 = invert(t1_from_t0), self.pair.before.shape[:2]

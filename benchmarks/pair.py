@@ -15,7 +15,7 @@ from pathlib import Path
 
 from zeroscd.bench import Plan, measure, parse_size, to_json
 from zeroscd.cli.bench import table
-from zeroscd.evaluation.scores import write_json
+from zeroscd.output import write_json
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"

@@ -37,9 +37,9 @@ from zeroscd.retrieval import Nearby, PlaceIndex
 from zeroscd.retrieval import store as store_module
 from zeroscd.retrieval.index import CANDIDATES, RECOGNISED
 from zeroscd.retrieval.rows import Entry
-from zeroscd.retrieval.store import CANARY, PLACES, Store
+from zeroscd.retrieval.store import PLACES, REFERENCE, Store
 from zeroscd.settings import Settings
-from zeroscd.survey import compare, look
+from zeroscd.survey import compare, match_photos
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -163,10 +163,10 @@ def recognition(photos: Sequence[Path], found: Sequence[Sequence[PlaceMatch]]) -
 def speed(options: argparse.Namespace) -> tuple[str, dict[str, Any]]:
     """Time queries of many synthetic places: real ones, moved about in descriptor space."""
     source = Store.open(str(next(options.out.glob("places-*"))))
-    real = source.nearest(source.canary.vector, len(source))
+    real = source.nearest(source.reference.vector, len(source))
     rng = np.random.default_rng(0)
     address = options.out / f"synthetic-{options.count}"
-    store = Store.create(str(address), {}, source.canary)
+    store = Store.create(str(address), {}, source.reference)
     for start in range(0, options.count, 2000):
         store.put([synthetic(real, number, rng) for number in range(start, start + 2000)])
     queries = [synthetic(real, number, rng) for number in range(REPEATS)]
@@ -218,15 +218,15 @@ def survey(options: argparse.Namespace) -> tuple[str, dict[str, Any]]:
     index = PlaceIndex.create(options.out / "survey-places")
     folder, seconds = options.out / "survey", list[Times]()
     timed(seconds, lambda: index.add(old))
-    sightings = timed(seconds, lambda: look(new, index, folder))
+    matches = timed(seconds, lambda: match_photos(new, index, folder))
     kept = batch.Options(write=("json", "report"))
-    summary = timed(seconds, lambda: compare(sightings, folder, options=kept))
-    rights = [truth[Path(one.new).stem] for one in sightings]
+    summary = timed(seconds, lambda: compare(matches, folder, options=kept))
+    rights = [truth[Path(one.new).stem] for one in matches]
     right = [
         one.old is not None and any(same_view(Path(one.old), path) for path in paths)
-        for one, paths in zip(sightings, rights, strict=True)
+        for one, paths in zip(matches, rights, strict=True)
     ]
-    strangers = [one for one, paths in zip(sightings, rights, strict=True) if not paths]
+    strangers = [one for one, paths in zip(matches, rights, strict=True) if not paths]
     return "survey", {
         "old": len(old),
         "new": len(new),
@@ -237,7 +237,7 @@ def survey(options: argparse.Namespace) -> tuple[str, dict[str, Any]]:
         "regions": summary.batch.regions,
         "seconds": {
             name: told([each])
-            for name, each in zip(("index", "look", "compare and report"), seconds, strict=True)
+            for name, each in zip(("index", "match", "compare and report"), seconds, strict=True)
         },
         "peak_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
         "report_bytes": summary.report.stat().st_size,
@@ -333,7 +333,7 @@ def told(seconds: Sequence[Times]) -> dict[str, float]:
 
 def index_bytes(folder: Path) -> int:
     """Add up the files of an index, without the versions that are kept for a day."""
-    for name in (PLACES, CANARY):
+    for name in (PLACES, REFERENCE):
         table = lancedb.connect(str(folder)).open_table(name)
         table.optimize(cleanup_older_than=timedelta(microseconds=1))
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

@@ -23,8 +23,8 @@ from zeroscd.detector import Detector
 from zeroscd.evaluation.datasets.folder import open_root
 from zeroscd.evaluation.report.tables import Table
 from zeroscd.evaluation.run import Run, evaluate
-from zeroscd.evaluation.scores import write_json, write_whole
 from zeroscd.evaluation.truth import load_pair
+from zeroscd.output import write_json, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any
 import httpx
 from hostile import QUICKLY, SEED, SLOW, uploads
 
-from zeroscd.evaluation.scores import write_json
+from zeroscd.output import write_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Iterator
@@ -65,7 +65,7 @@ class Server:
         if found is None:
             sys.exit(f"the server did not start: {line}")
         self.url = found[0]
-        self.most_bytes = 0
+        self.max_bytes = 0
         self._watching = threading.Event()
         threading.Thread(target=self._watch, daemon=True).start()
 
@@ -94,7 +94,7 @@ class Server:
     def _watch(self) -> None:
         while not self._watching.wait(0.05):
             try:
-                self.most_bytes = max(self.most_bytes, self.memory())
+                self.max_bytes = max(self.max_bytes, self.memory())
             except OSError:
                 return
 
@@ -121,7 +121,7 @@ async def load(clients: int, seconds: float) -> dict[str, Any]:
         async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
             for _ in range(WARM_UP):
                 await client.post("/v1/detect", files=pair_files())
-            start_bytes, server.most_bytes = server.memory(), 0
+            start_bytes, server.max_bytes = server.memory(), 0
             statuses: Counter[str] = Counter()
             times: list[float] = []
             end = time.monotonic() + seconds
@@ -141,7 +141,7 @@ async def load(clients: int, seconds: float) -> dict[str, Any]:
             "p95_seconds": round(times[int(0.95 * len(times))], 2),
             "memory_bytes": {
                 "before": start_bytes,
-                "most": server.most_bytes,
+                "most": server.max_bytes,
                 "after": server.memory(),
             },
             "left_over_files": len(server.left_over()),
@@ -254,7 +254,7 @@ async def hostile(count: int) -> dict[str, Any]:
     with running() as server:
         async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
             await client.post("/v1/detect", files=pair_files())
-            start_bytes, server.most_bytes = server.memory(), 0
+            start_bytes, server.max_bytes = server.memory(), 0
             gate = asyncio.Semaphore(8)
             found = await asyncio.gather(
                 *(_attack(client, server.url, gate, *upload) for upload in uploads(count, AFTER))
@@ -274,7 +274,7 @@ async def hostile(count: int) -> dict[str, Any]:
             },
             "memory_bytes": {
                 "before": start_bytes,
-                "most": server.most_bytes,
+                "most": server.max_bytes,
                 "after": server.memory(),
             },
             "left_over_files": len(server.left_over()),

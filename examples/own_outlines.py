@@ -23,7 +23,7 @@ class Panes:
 
     name = "panes"
 
-    def study(self, photo, features):
+    def proposals(self, photo, features):
         """Take up a photo; these panes depend on its size alone."""
         del features
         return PanesOfOne(photo.shape[:2])
@@ -37,7 +37,7 @@ class PanesOfOne:
     def __init__(self, size_hw):
         self.size_hw = size_hw
 
-    def outlines(self, where):
+    def segments(self, where):
         """Return the panes that touch a place of interest."""
         height, width = self.size_hw
         outlines = []
@@ -53,7 +53,7 @@ class PanesOfOne:
 
 def main(before: str, after: str) -> None:
     """Print which panes changed, as a drawing."""
-    settings = preset("lite").override({"alpha": 0.5, "kinds": "frame", "least_peak": 0})
+    settings = preset("lite").override({"alpha": 0.5, "kinds": "frame", "min_peak": 0})
     models = Models(load_models(settings).encoder, Panes())
     result = Detector(settings, models, preset="panes").detect(before, after)
     height, width = result.added.shape

@@ -19,7 +19,7 @@ from sklearn.metrics import average_precision_score
 from torch.nn import functional
 
 from zeroscd.encoders import lite
-from zeroscd.images.working import resize, working_size
+from zeroscd.images.resizing import resize, working_size
 from zeroscd.segmenters.boundary import BoundaryHead, levels_of, normalise
 from zeroscd.settings import Settings
 

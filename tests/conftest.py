@@ -110,7 +110,7 @@ class ScriptedSegmenter:
     script: dict[bytes, Sequence[Mask]] = field(default_factory=dict)
     asked: list[Mask | None] = field(default_factory=list)
 
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> ScriptedStudy:
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> ScriptedStudy:
         del features
         return ScriptedStudy(self, photo)
 
@@ -123,7 +123,7 @@ class ScriptedStudy:
     photo: Rgb
     size_bytes: int = 0
 
-    def outlines(self, where: Mask | None) -> Segments:
+    def segments(self, where: Mask | None) -> Segments:
         self.segmenter.asked.append(where)
         masks = self.segmenter.script[self.photo.tobytes()]
         outlines = (Segment.from_mask(mask) for mask in masks)
@@ -138,7 +138,7 @@ class SizeSegmenter:
     outlines_of: Callable[[tuple[int, int], Mask | None], tuple[Segment, ...]]
     name: str = "by size"
 
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> SizeStudy:
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> SizeStudy:
         del features
         return SizeStudy(self.outlines_of, photo.shape[:2])
 
@@ -151,7 +151,7 @@ class SizeStudy:
     size_hw: tuple[int, int]
     size_bytes: int = 0
 
-    def outlines(self, where: Mask | None) -> Segments:
+    def segments(self, where: Mask | None) -> Segments:
         return Segments(size_hw=self.size_hw, items=self.outlines_of(self.size_hw, where))
 
 

@@ -16,7 +16,7 @@ from zeroscd.detector import Detector
 from zeroscd.errors import ImageError, SettingsError
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models
-from zeroscd.result import Alignment, ChangeResult, NotAligned
+from zeroscd.records import Alignment, NotAligned
 from zeroscd.settings import PRESETS, Settings
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.encoders.port import PatchEncoder
+    from zeroscd.result import ChangeResult
 
     Iou = Callable[[Mask, Mask], float]
 
@@ -44,7 +45,7 @@ PLAIN: dict[str, object] = {
     "verify": "iou",
     "beta": 0.5,
     "kinds": "frame",
-    "least_peak": 0.0,
+    "min_peak": 0.0,
     "prompting": "coarse",
 }
 
@@ -252,8 +253,8 @@ def test_evidence_can_be_weighed_again_under_other_thresholds(
     first = Settings().override({**PLAIN, "prompting": prompting, "tau": 0.2})
     other = first.override({"tau": 1.1, "alpha": 0.4, "verify": "off", "frame": "t0"})
     detector = Detector(first, models)
-    view_t1, view_t0 = detector.look([scene.after, scene.before])
-    evidence = detector.compare(view_t0, view_t1)
+    photo_t1, photo_t0 = detector.encode([scene.after, scene.before])
+    evidence = detector.compare(photo_t0, photo_t1)
     weighed = ((detector.decide(evidence), first), (detector.decide(evidence, other), other))
     for again, chosen in weighed:
         whole = Detector(chosen, models).detect(scene.before, scene.after)
@@ -271,7 +272,7 @@ def test_evidence_of_other_settings_is_refused(
 ) -> None:
     scene = draw_scene()
     detector = Detector(Settings().override(PLAIN), Models(toy_encoder, scene.segmenter()))
-    evidence = detector.compare(*detector.look([scene.before, scene.after]))
+    evidence = detector.compare(*detector.encode([scene.before, scene.after]))
     with pytest.raises(SettingsError, match=next(iter(other))):
         detector.decide(evidence, detector.settings.override(other))
 

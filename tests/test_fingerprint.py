@@ -9,7 +9,13 @@ from zeroscd import fingerprint
 if TYPE_CHECKING:
     from pathlib import Path
 
-FILES = ("detector.py", "change/coarse.py", "survey/page.py", "batch/desk.py", "batch/notes.txt")
+FILES = (
+    "detector.py",
+    "change/coarse.py",
+    "survey/page.py",
+    "batch/comparer.py",
+    "batch/notes.txt",
+)
 
 
 @pytest.fixture
@@ -36,14 +42,14 @@ def test_code_that_decides_a_result_is_in_its_digest(package: Path, file: str) -
     assert before != after
 
 
-@pytest.mark.parametrize("file", ["survey/page.py", "batch/desk.py"])
+@pytest.mark.parametrize("file", ["survey/page.py", "batch/comparer.py"])
 def test_code_that_presents_results_is_not(package: Path, file: str) -> None:
     before, after = digest_edited(package, file)
     assert before == after
 
 
 def test_presenting_code_counts_for_whom_it_decides(package: Path) -> None:
-    before, after = digest_edited(package, "batch/desk.py", also=("batch",))
+    before, after = digest_edited(package, "batch/comparer.py", also=("batch",))
     assert before != after
     before, after = digest_edited(package, "batch/notes.txt", also=("batch",))
     assert before == after

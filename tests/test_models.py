@@ -12,15 +12,9 @@ import pytest
 from PIL import Image
 
 from zeroscd import models
+from zeroscd.device import pick_device, pick_precision
 from zeroscd.errors import SettingsError, WeightsError
-from zeroscd.models import (
-    ENCODERS,
-    SEGMENTERS,
-    check_models,
-    load_models,
-    pick_device,
-    pick_precision,
-)
+from zeroscd.models import ENCODERS, SEGMENTERS, check_models, load_models
 from zeroscd.settings import PRESETS, Settings
 from zeroscd.weights.catalogue import CATALOGUE, find
 

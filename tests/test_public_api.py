@@ -26,10 +26,9 @@ def members(thing: Any) -> list[str]:
         if dataclasses.is_dataclass(thing)
         else list(inspect.signature(thing).parameters)
     )
-    own = {
-        n for n, v in vars(thing).items() if not n.startswith("_") and callable(getattr(thing, n))
-    }
-    own |= {n for n, v in vars(thing).items() if isinstance(v, property)}
+    every = {n: v for base in thing.__mro__[-2::-1] for n, v in vars(base).items()}
+    own = {n for n in every if not n.startswith("_") and callable(getattr(thing, n))}
+    own |= {n for n, v in every.items() if isinstance(v, property)}
     return [*fields, *sorted(f"{name}()" for name in own - set(fields))]
 
 

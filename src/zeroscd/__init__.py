@@ -20,22 +20,24 @@ if TYPE_CHECKING:
         WeightsError,
         ZeroscdError,
     )
-    from zeroscd.result import Alignment, ChangeResult, NotAligned, Photo, Region
+    from zeroscd.images.photo import Photo
+    from zeroscd.records import Alignment, NotAligned, Region
+    from zeroscd.result import ChangeResult
     from zeroscd.settings import PRESETS, Settings
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "Alignment": "result",
+    "Alignment": "records",
     "ChangeResult": "result",
     "DatasetError": "errors",
     "Detector": "detector",
     "ImageError": "errors",
-    "NotAligned": "result",
+    "NotAligned": "records",
     "OutputError": "errors",
     "PRESETS": "settings",
-    "Photo": "result",
-    "Region": "result",
+    "Photo": "images.photo",
+    "Region": "records",
     "Settings": "settings",
     "SettingsError": "errors",
     "WeightsError": "errors",

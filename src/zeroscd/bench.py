@@ -221,7 +221,7 @@ def measure_here(plan: Plan, *, clock: Callable[[], float] = time.perf_counter) 
 def sample_pair(size_wh: tuple[int, int]) -> tuple[Rgb, Rgb]:
     """Return the shipped demo pair brought to a size; its shape is not kept."""
     from zeroscd.images.read import read_photo  # noqa: PLC0415 - timed before this is called
-    from zeroscd.images.working import resize  # noqa: PLC0415
+    from zeroscd.images.resizing import resize  # noqa: PLC0415
 
     folder = files("zeroscd") / "samples"
     before, after = (

@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from typing import TYPE_CHECKING
 
-from zeroscd.alignment.align import align, transfer
-from zeroscd.alignment.homography import apply
-from zeroscd.alignment.warp import unseen
-from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
-from zeroscd.clock import Clock
-from zeroscd.evidence import Evidence, Pair, View
+from zeroscd.alignment.align import align
+from zeroscd.alignment.homography import homography_or_resize
+from zeroscd.evidence import EncodedPhoto, Evidence, Pair
 from zeroscd.images.contrast import is_blank
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models, load_models
-from zeroscd.records import CoarseChange
-from zeroscd.refine.kinds import settle_kinds
+from zeroscd.records import NotAligned
 from zeroscd.refine.regions import find_regions
-from zeroscd.refine.shapes import close_gaps, drop_specks, drop_thin
-from zeroscd.refine.strength import keep_strong
-from zeroscd.refine.verify import Verification, confirm
-from zeroscd.refine.vote import unite, vote
-from zeroscd.result import ChangeResult, NotAligned
+from zeroscd.result import ChangeResult
 from zeroscd.settings import preset as settings_of
 from zeroscd.settings import require_same_evidence
+from zeroscd.steps import (
+    all_segments,
+    coarse_changes,
+    distances,
+    removed_and_added,
+    segments_around,
+)
+from zeroscd.timer import StageTimer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from zeroscd.arrays import Mask
-    from zeroscd.change.coarse import DepthDistances
+    from zeroscd.images.photo import Photo
     from zeroscd.images.read import PhotoSource
-    from zeroscd.records import Segments
-    from zeroscd.result import Photo
-    from zeroscd.settings import RefineSettings, Settings
+    from zeroscd.settings import Settings
 
 log = logging.getLogger(__name__)
 
@@ -100,26 +98,72 @@ class Detector:
     def detect(self, before: PhotoSource, after: PhotoSource) -> ChangeResult:
         """Find what changed; the photos may differ in size.
 
-        The same as `look`, `compare` and `decide`, one after the other.
+        The same as `encode`, `compare` and `decide`, one after the other.
 
         Raises:
             ImageError: A photo cannot be read.
         """
-        clock = Clock()
-        view_t0, view_t1 = self._look([before, after], clock)
-        return self.decide(self._compare(view_t0, view_t1, clock))
+        timer = StageTimer()
+        photo_t0, photo_t1 = self.encode([before, after], timer=timer)
+        evidence = self.compare(photo_t0, photo_t1, timer=timer)
+        return self.decide(evidence)
 
-    def look(self, photos: Sequence[PhotoSource]) -> list[View]:
-        """Read and encode photos; what comes back can be compared with any number of others.
+    def encode(
+        self, photos: Sequence[PhotoSource], *, timer: StageTimer | None = None
+    ) -> list[EncodedPhoto]:
+        """Read and encode photos; each can then be compared with any number of others.
+
+        Args:
+            photos: Paths, bytes, PIL images or arrays.
+            timer: Counts the seconds, where someone wants to know.
 
         Raises:
             ImageError: A photo cannot be read.
         """
-        return self._look(photos, Clock())
+        timer = timer or StageTimer()
+        with timer.stage("read"):
+            read = [read_photo(photo) for photo in photos]
+        with timer.stage("encode"):
+            maps = self.models.encoder.encode([photo.pixels for photo in read])
+        proposals = self.models.segmenter.proposals
+        return [
+            EncodedPhoto(photo, of_photo, proposals(photo.pixels, of_photo))
+            for photo, of_photo in zip(read, maps, strict=True)
+        ]
 
-    def compare(self, view_t0: View, view_t1: View) -> Evidence:
-        """Gather everything about two views that no threshold decides."""
-        return self._compare(view_t0, view_t1, Clock())
+    def compare(
+        self, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto, *, timer: StageTimer | None = None
+    ) -> Evidence:
+        """Align two photos and gather everything that no threshold decides.
+
+        Args:
+            photo_t0: The photo before.
+            photo_t1: The photo after.
+            timer: Counts the seconds, where someone wants to know.
+        """
+        timer = timer or StageTimer()
+        sizes_hw = (photo_t0.size_hw, photo_t1.size_hw)
+        with timer.stage("align"):
+            alignment = _blankness(photo_t0.photo, photo_t1.photo) or align(
+                photo_t0.maps, photo_t1.maps, self.settings.align, sizes_hw=sizes_hw
+            )
+            if isinstance(alignment, NotAligned):
+                log.info("compared without alignment: %s", alignment.reason)
+            pair = Pair(photo_t0, photo_t1, homography_or_resize(alignment, *sizes_hw))
+        with timer.stage("coarse"):
+            distances_t0, distances_t1 = distances(pair, self.settings.change)
+        with timer.stage("segment"):
+            everything = self.settings.segment.prompting == "everything"
+            segments = all_segments(pair) if everything else None
+        return Evidence(
+            pair=pair,
+            alignment=alignment,
+            distances_t0=distances_t0,
+            distances_t1=distances_t1,
+            segments=segments,
+            settings=self.settings,
+            seconds=timer.seconds,
+        )
 
     def decide(self, evidence: Evidence, settings: Settings | None = None) -> ChangeResult:
         """Turn evidence into a result.
@@ -134,23 +178,26 @@ class Detector:
         """
         chosen = settings or self.settings
         require_same_evidence(chosen, evidence.settings)
-        clock, pair = Clock(evidence.seconds), evidence.pair
-        with clock.stage("coarse"):
-            coarse = self._coarse(evidence, chosen)
-        with clock.stage("segment"):
-            segments = evidence.segments or _outlines_around(pair, coarse, chosen)
-        with clock.stage("refine"):
-            removed, added = _refine(pair, coarse, segments, chosen.refine)
-            # An outline may reach beyond what the other photo shows: no statement there.
-            removed, added = removed & ~coarse[0].unknown, added & ~coarse[1].unknown
+        timer, pair = StageTimer(evidence.seconds), evidence.pair
+        with timer.stage("coarse"):
+            coarse = coarse_changes(evidence, chosen, tau=self.models.encoder.tau)
+        with timer.stage("segment"):
+            segments = evidence.segments or segments_around(pair, coarse, chosen)
+        with timer.stage("refine"):
+            removed, added = removed_and_added(pair, coarse, segments, chosen.refine)
             regions = find_regions(removed, added, *coarse)
+        side_t0, side_t1 = pair.sides
         t0_is_frame = chosen.frame == "t0"
         shown = coarse[0] if t0_is_frame else coarse[1]
         return ChangeResult(
-            before=pair.view_t0.photo,
-            after=pair.view_t1.photo,
+            before=pair.photo_t0.photo,
+            after=pair.photo_t1.photo,
             frame=chosen.frame,
-            mask=removed | pair.to_t0(added) if t0_is_frame else added | pair.to_t1(removed),
+            mask=(
+                removed | side_t0.bring_mask(added)
+                if t0_is_frame
+                else added | side_t1.bring_mask(removed)
+            ),
             removed=removed,
             added=added,
             unknown=shown.unknown,
@@ -159,132 +206,13 @@ class Detector:
             alignment=evidence.alignment,
             settings=chosen,
             preset=self.preset,
-            seconds=clock.seconds,
+            seconds=timer.seconds,
         )
 
-    def _look(self, sources: Sequence[PhotoSource], clock: Clock) -> list[View]:
-        with clock.stage("read"):
-            photos = [read_photo(source) for source in sources]
-        with clock.stage("encode"):
-            maps = self.models.encoder.encode([photo.pixels for photo in photos])
-        study = self.models.segmenter.study
-        return [
-            View(photo, of_photo, study(photo.pixels, of_photo))
-            for photo, of_photo in zip(photos, maps, strict=True)
-        ]
-
-    def _compare(self, view_t0: View, view_t1: View, clock: Clock) -> Evidence:
-        sizes_hw = (view_t0.size_hw, view_t1.size_hw)
-        with clock.stage("align"):
-            alignment = _blankness(view_t0.photo, view_t1.photo) or align(
-                view_t0.maps, view_t1.maps, self.settings.align, sizes_hw=sizes_hw
-            )
-            if isinstance(alignment, NotAligned):
-                log.info("compared without alignment: %s", alignment.reason)
-            pair = Pair(view_t0, view_t1, transfer(alignment, *sizes_hw))
-        with clock.stage("coarse"):
-            distances_t0, distances_t1 = self._distances(pair)
-        with clock.stage("segment"):
-            everything = self.settings.segment.prompting == "everything"
-            segments = _outlines(pair, (None, None)) if everything else None
-        return Evidence(
-            pair=pair,
-            alignment=alignment,
-            distances_t0=distances_t0,
-            distances_t1=distances_t1,
-            segments=segments,
-            settings=self.settings,
-            seconds=clock.seconds,
-        )
-
-    def _distances(self, pair: Pair) -> tuple[DepthDistances, DepthDistances | None]:
-        settings, here, there = self.settings.change, pair.view_t0, pair.view_t1
-        distances_t0 = measure_distances(
-            here.maps,
-            there.maps,
-            lambda points: apply(pair.t1_from_t0, points),
-            settings,
-            unseen=unseen(there.size_hw, pair.t0_from_t1, size_b_hw=here.size_hw),
-        )
-        if settings.coarse_frames == "t0":
-            return distances_t0, None
-        distances_t1 = measure_distances(
-            there.maps,
-            here.maps,
-            lambda points: apply(pair.t0_from_t1, points),
-            settings,
-            unseen=unseen(here.size_hw, pair.t1_from_t0, size_b_hw=there.size_hw),
-        )
-        return distances_t0, distances_t1
-
-    def _coarse(self, evidence: Evidence, settings: Settings) -> tuple[CoarseChange, CoarseChange]:
-        pair, seen_t0, seen_t1 = evidence.pair, evidence.distances_t0, evidence.distances_t1
-        seen = [seen_t0] if seen_t1 is None else [seen_t0, seen_t1]
-        fusion = fuse_depths(seen, settings.change, tau=self.models.encoder.tau)
-        coarse_t0 = find_coarse_change(seen_t0, fusion)
-        if seen_t1 is not None:
-            return coarse_t0, find_coarse_change(seen_t1, fusion)
-        size_t0_hw, size_t1_hw = pair.view_t0.size_hw, pair.view_t1.size_hw
-        return coarse_t0, CoarseChange(
-            distance=pair.map_to_t1(coarse_t0.distance),
-            changed=pair.to_t1(coarse_t0.changed),
-            unknown=unseen(size_t0_hw, pair.t1_from_t0, size_b_hw=size_t1_hw),
-            tau=coarse_t0.tau,
-        )
-
-
-def _outlines_around(
-    pair: Pair, coarse: tuple[CoarseChange, CoarseChange], settings: Settings
-) -> tuple[Segments, Segments]:
-    """Ask for outlines around coarse change only.
-
-    The second look compares a flagged outline with the other photo's outlines of the same
-    place, so these are asked for as well.
-    """
-    changed_t0, changed_t1 = coarse[0].changed, coarse[1].changed
-    if settings.refine.verify != "off":
-        changed_t0, changed_t1 = (
-            changed_t0 | pair.to_t0(changed_t1),
-            changed_t1 | pair.to_t1(changed_t0),
-        )
-    return _outlines(pair, (changed_t0, changed_t1))
-
-
-def _outlines(pair: Pair, where: tuple[Mask | None, Mask | None]) -> tuple[Segments, Segments]:
-    return pair.view_t0.study.outlines(where[0]), pair.view_t1.study.outlines(where[1])
-
-
-def _refine(
-    pair: Pair,
-    coarse: tuple[CoarseChange, CoarseChange],
-    segments: tuple[Segments, Segments],
-    refine: RefineSettings,
-) -> tuple[Mask, Mask]:
-    """Let outlines vote, look a second time, and settle the kinds; removed (t0), added (t1)."""
-    flagged_t0 = vote(segments[0], coarse[0], alpha=refine.alpha)
-    flagged_t1 = vote(segments[1], coarse[1], alpha=refine.alpha)
-    rule = Verification(refine.verify, refine.beta)
-    kept_t0 = confirm(flagged_t0, segments, pair.to_t1, rule)
-    kept_t1 = confirm(flagged_t1, segments[::-1], pair.to_t0, rule)
-    removed_t0 = unite(kept_t0, pair.view_t0.size_hw)
-    added_t1 = unite(kept_t1, pair.view_t1.size_hw)
-    if refine.kinds == "novelty":
-        removed_t0, added_t1 = settle_kinds(
-            removed_t0,
-            added_t1,
-            novelty_t0=coarse[0].distance - pair.map_to_t0(coarse[1].distance),
-            novelty_t1=coarse[1].distance - pair.map_to_t1(coarse[0].distance),
-            carriers=(pair.to_t0, pair.to_t1),
-        )
-    return _things(removed_t0, coarse[0], refine), _things(added_t1, coarse[1], refine)
-
-
-def _things(mask: Mask, coarse: CoarseChange, refine: RefineSettings) -> Mask:
-    """Make whole what has gaps; leave out what is too thin, too weak or too small to be a thing."""
-    whole = close_gaps(mask, gap_width=refine.gap_width)
-    wide = drop_thin(whole, least_width=refine.least_width)
-    strong = keep_strong(wide, coarse, least_peak=refine.least_peak)
-    return drop_specks(strong, min_area_px=refine.min_area_px)
+    def look(self, photos: Sequence[PhotoSource]) -> list[EncodedPhoto]:
+        """Encode photos; the name until 0.1, which 0.3 will not know any more."""
+        warnings.warn("Detector.look is now Detector.encode", DeprecationWarning, stacklevel=2)
+        return self.encode(photos)
 
 
 def _blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:

@@ -13,8 +13,6 @@ What science expects to fail (two photos that cannot be aligned) is not here: th
 :class:`zeroscd.result.NotAligned`.
 """
 
-LONGEST_SHOWN = 80  # characters of a refused value that a message repeats
-
 
 class ZeroscdError(Exception):
     """Something a user can put right; the message says what, where and how, in one line."""
@@ -38,17 +36,3 @@ class DatasetError(ZeroscdError):
 
 class OutputError(ZeroscdError):
     """A result could not be written."""
-
-
-def shown(value: object) -> str:
-    """Write a refused value into a message of one line; a long one is cut.
-
-    Example:
-        >>> shown("high"), shown("a" * 1000)[-5:]
-        ("'high'", 'aa...')
-    """
-    try:
-        text = repr(value)
-    except ValueError:  # Python writes no integer above some thousand digits
-        return "a number of thousands of digits"
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."

@@ -5,33 +5,33 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from zeroscd.alignment.homography import invert
-from zeroscd.alignment.warp import warp_map, warp_mask
+from zeroscd.alignment.homography import apply, invert
+from zeroscd.alignment.warp import unseen, warp_map, warp_mask
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from zeroscd.arrays import Homography, Map, Mask
+    from zeroscd.arrays import Homography, Map, Mask, PointsXy
     from zeroscd.change.coarse import DepthDistances
-    from zeroscd.records import FeatureMap, Segments
-    from zeroscd.result import Alignment, NotAligned, Photo
-    from zeroscd.segmenters.port import Study
+    from zeroscd.images.photo import Photo
+    from zeroscd.records import Alignment, FeatureMap, NotAligned, Segments
+    from zeroscd.segmenters.port import MaskProposals
     from zeroscd.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
-class View:
-    """A photo and what the encoder sees in it.
+class EncodedPhoto:
+    """A photo with its descriptors.
 
     Attributes:
         photo: The pixels.
         maps: Its feature maps, from coarse to fine.
-        study: What the segmenter finds out about it, when it is asked.
+        proposals: Its segments, computed when first asked for.
     """
 
     photo: Photo
     maps: tuple[FeatureMap, ...]
-    study: Study
+    proposals: MaskProposals
 
     @property
     def size_hw(self) -> tuple[int, int]:
@@ -40,39 +40,56 @@ class View:
 
     @property
     def size_bytes(self) -> int:
-        """What it holds in memory by now: it grows when its outlines are first asked for."""
-        described = sum(one.descriptors.nbytes for one in self.maps)
-        return self.photo.pixels.nbytes + described + self.study.size_bytes
+        """Memory held so far; it grows when segments are first asked for."""
+        descriptors = sum(one.descriptors.nbytes for one in self.maps)
+        return self.photo.pixels.nbytes + descriptors + self.proposals.size_bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One photo of a pair, "here", with the way to the other, "there".
+
+    The method treats both photos alike; each step is written once and called for both sides.
+    """
+
+    here: EncodedPhoto
+    there: EncodedPhoto
+    there_from_here: Homography
+    here_from_there: Homography
+
+    def carry(self, points_here: PointsXy) -> PointsXy:
+        """Carry points of this photo to the other; both (N, 2) in pixels."""
+        return apply(self.there_from_here, points_here)
+
+    def bring_mask(self, mask_there: Mask) -> Mask:
+        """Warp a mask of the other photo into this one."""
+        return warp_mask(mask_there, self.here_from_there, size_b_hw=self.here.size_hw)
+
+    def bring_map(self, map_there: Map) -> Map:
+        """Warp one number a pixel of the other photo into this one."""
+        return warp_map(map_there, self.here_from_there, size_b_hw=self.here.size_hw)
+
+    def unseen(self) -> Mask:
+        """Mark the pixels of this photo that the other does not show."""
+        return unseen(self.there.size_hw, self.here_from_there, size_b_hw=self.here.size_hw)
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two views of one place, and the way between their frames."""
+    """Two photos of one place and the homography between them."""
 
-    view_t0: View
-    view_t1: View
+    photo_t0: EncodedPhoto
+    photo_t1: EncodedPhoto
     t1_from_t0: Homography
 
     @property
-    def t0_from_t1(self) -> Homography:
-        """The way back."""
-        return invert(self.t1_from_t0)
-
-    def to_t0(self, mask_t1: Mask) -> Mask:
-        """Carry a mask to the photo before."""
-        return warp_mask(mask_t1, self.t0_from_t1, size_b_hw=self.view_t0.size_hw)
-
-    def to_t1(self, mask_t0: Mask) -> Mask:
-        """Carry a mask to the photo after."""
-        return warp_mask(mask_t0, self.t1_from_t0, size_b_hw=self.view_t1.size_hw)
-
-    def map_to_t0(self, map_t1: Map) -> Map:
-        """Carry one number a pixel to the photo before."""
-        return warp_map(map_t1, self.t0_from_t1, size_b_hw=self.view_t0.size_hw)
-
-    def map_to_t1(self, map_t0: Map) -> Map:
-        """Carry one number a pixel to the photo after."""
-        return warp_map(map_t0, self.t1_from_t0, size_b_hw=self.view_t1.size_hw)
+    def sides(self) -> tuple[Side, Side]:
+        """The pair as seen from t0 and as seen from t1."""
+        t0_from_t1 = invert(self.t1_from_t0)
+        return (
+            Side(self.photo_t0, self.photo_t1, self.t1_from_t0, t0_from_t1),
+            Side(self.photo_t1, self.photo_t0, t0_from_t1, self.t1_from_t0),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,13 +97,13 @@ class Evidence:
     """What two photos say about each other; thresholds turn it into a result.
 
     Attributes:
-        pair: Both views and the way between them.
-        alignment: How that way was found, or why it is only corner on corner.
+        pair: Both photos and the homography between them.
+        alignment: How that homography was found, or why it only maps edges onto edges.
         distances_t0: How different the photo after is at each patch of the photo before.
         distances_t1: The same the other way round; None where the map of the photo before is
             carried over instead (`coarse_frames=t0`).
-        segments: Outlines of both photos; None where they are only drawn around coarse change
-            (`prompting=coarse`), which the thresholds decide.
+        segments: Segments of both photos; None where only those around coarse change are
+            asked for (`prompting=coarse`), which the thresholds decide.
         settings: Under which the evidence was gathered.
         seconds: Wall time of each stage so far.
     """

@@ -8,7 +8,8 @@ import types
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from zeroscd.errors import SettingsError, shown
+from zeroscd.errors import SettingsError
+from zeroscd.text import shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,11 +47,11 @@ class SegmentSettings:
     points_per_side: int = 32  # SAM's prompt grid (SAM's published default)
     prompting: Literal["everything", "coarse"] = "coarse"  # prompt all, or only coarse change
     points_per_batch: int = 64  # prompts that SAM answers at once; memory grows with it
-    pred_iou: float | None = None  # SAM's own score must exceed this; none = as published
-    stability: float = 0.95  # overlap of a mask cut a little higher and lower (SAM)
-    box_nms: float = 0.7  # boxes that overlap more are one outline (SAM)
-    crop_layers: int = 0  # SAM looks again at 4, 16, ... crops of the photo
-    min_speck_px: int = 0  # holes and islands of a mask below this many pixels are removed
+    pred_iou_thresh: float | None = None  # SAM's own score must exceed this; none = as published
+    stability_score_thresh: float = 0.95  # overlap of a mask cut a little higher and lower (SAM)
+    box_nms_thresh: float = 0.7  # boxes that overlap more are one outline (SAM)
+    crop_n_layers: int = 0  # SAM looks again at 4, 16, ... crops of the photo
+    min_mask_region_area: int = 0  # holes and islands of a mask below this many pixels are removed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +62,8 @@ class RefineSettings:
     verify: Literal["overlap", "iou", "off"] = "iou"  # second check against the other photo
     beta: float = 0.5  # overlap at which the other photo's outline refutes the change
     gap_width: float = 0.0  # of the photo's shorter side; narrower gaps and holes are filled
-    least_width: float = 0.0  # of the square root of a part's area; what is thinner is dropped
-    least_peak: float = 0.0  # parts weaker than this share of the strongest change are dropped
+    min_width: float = 0.0  # of the square root of a part's area; what is thinner is dropped
+    min_peak: float = 0.0  # parts weaker than this share of the strongest change are dropped
     kinds: Literal["frame", "novelty"] = "frame"  # kept where flagged, or settled by novelty
     min_area_px: int = 0  # smaller regions are dropped, in pixels of their photo
 
@@ -123,16 +124,16 @@ RANGES: dict[str, tuple[float, float]] = {
     "search_radius": (0, 32),
     "points_per_side": (1, 512),
     "points_per_batch": (1, 65_536),
-    "pred_iou": (0, 1),
-    "stability": (0, 1),
-    "box_nms": (0, 1),
-    "crop_layers": (0, 4),
-    "min_speck_px": (0, 1_000_000_000),
+    "pred_iou_thresh": (0, 1),
+    "stability_score_thresh": (0, 1),
+    "box_nms_thresh": (0, 1),
+    "crop_n_layers": (0, 4),
+    "min_mask_region_area": (0, 1_000_000_000),
     "alpha": (0, 1),
     "beta": (0, 1),
-    "least_peak": (0, 1),
+    "min_peak": (0, 1),
     "gap_width": (0, 0.5),
-    "least_width": (0, 1),
+    "min_width": (0, 1),
     "min_area_px": (0, 1_000_000_000),
 }
 
@@ -146,9 +147,9 @@ PAPER_RULES: dict[str, object] = {
     "verify": "overlap",
     "beta": 0.5,
     "alpha": 0.8,
-    "least_peak": 0.0,
+    "min_peak": 0.0,
     "gap_width": 0.0,
-    "least_width": 0.0,
+    "min_width": 0.0,
     "kinds": "frame",
     "min_area_px": 0,
     "prompting": "everything",
@@ -285,16 +286,15 @@ PRESETS: dict[str, Settings] = {
             alpha=0.75,
             verify="off",
             gap_width=0.04,
-            least_width=0.3,
-            least_peak=0.8,
+            min_width=0.3,
+            min_peak=0.8,
             kinds="novelty",
             min_area_px=150,
         ),
     ),
-    # The paper's literal reading; VL-CMU-CD at its own size. DINOv2 is trained at 518 pixels.
+    # The paper's literal reading; VL-CMU-CD at its own size, DINOv2 as it is trained.
     "paper": _literally("placeformer", side_px=512),
     "dinov2-s": _literally("dinov2-s", side_px=518),
     "dinov2-b": _literally("dinov2-b", side_px=518),
-    # Our reading of the open points, with the best open models for their time.
     "robust": Settings(encoder="dinov2-b", segmenter="sam2.1-base", side_px=518),
 }

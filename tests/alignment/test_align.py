@@ -11,8 +11,7 @@ from zeroscd.alignment.align import align
 from zeroscd.alignment.homography import apply
 from zeroscd.images.grid import PatchGrid
 from zeroscd.images.read import read_photo
-from zeroscd.records import FeatureMap
-from zeroscd.result import Alignment, NotAligned
+from zeroscd.records import Alignment, FeatureMap, NotAligned
 from zeroscd.settings import AlignSettings, Settings
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.alignment.homography import Estimate, absurdity, apply, estimate, invert
+from zeroscd.alignment.homography import Estimate, apply, degeneracy, estimate, invert
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Homography, PointsXy
@@ -168,8 +168,8 @@ def test_nothing_at_all_gives_none() -> None:
 def test_a_motion_as_on_a_street_is_not_absurd() -> None:
     for seed in range(50):
         h = street_motion(np.random.default_rng(seed))
-        assert absurdity(h, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW) is None
-    assert absurdity(HALF_TURN, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW) is None
+        assert degeneracy(h, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW) is None
+    assert degeneracy(HALF_TURN, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW) is None
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_a_motion_as_on_a_street_is_not_absurd() -> None:
     ],
 )
 def test_an_absurd_motion_is_refused_with_its_reason(h: Homography, word: str) -> None:
-    reason = absurdity(h, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW)
+    reason = degeneracy(h, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW)
     assert reason is not None
     assert word in reason
 
@@ -191,10 +191,10 @@ def test_an_absurd_motion_is_refused_with_its_reason(h: Homography, word: str) -
 @given(motions)
 def test_a_mirrored_motion_is_always_refused(h: Homography) -> None:
     mirror = np.array([[-1.0, 0, 639], [0, 1, 0], [0, 0, 1]])
-    assert absurdity(mirror @ h, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW) is not None
+    assert degeneracy(mirror @ h, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW) is not None
 
 
 def test_photos_of_one_place_may_differ_in_resolution() -> None:
     tenth = np.array([[0.1, 0, -0.45], [0, 0.1, -0.45], [0, 0, 1]])
-    assert absurdity(tenth, size_a_hw=(4800, 6400), size_b_hw=SIZE_HW) is None
-    assert absurdity(tenth, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW) is not None
+    assert degeneracy(tenth, size_a_hw=(4800, 6400), size_b_hw=SIZE_HW) is None
+    assert degeneracy(tenth, size_a_hw=SIZE_HW, size_b_hw=SIZE_HW) is not None

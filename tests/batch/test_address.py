@@ -86,7 +86,7 @@ def test_a_file_that_never_comes_is_given_up_in_time() -> None:
 
 
 def test_requests_that_hang_are_bounded_in_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(address, "MOST_REQUESTS", 3)
+    monkeypatch.setattr(address, "MAX_REQUESTS", 3)
     fetch, before = Fetcher(WAIT_S), set(threading.enumerate())
     for number in range(6):
         with pytest.raises(ImageError, match="did not answer"):

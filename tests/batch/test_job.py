@@ -312,8 +312,8 @@ def test_an_engine_that_loses_pairs_is_found_out(
     street: Path, tmp_path: Path, toy: ModuleType
 ) -> None:
     class Forgetful:
-        def settle(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
-            for outcome in Local().settle(tasks, options):
+        def run(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
+            for outcome in Local().run(tasks, options):
                 if outcome.name != "p4":
                     yield outcome
 

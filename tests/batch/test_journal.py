@@ -68,9 +68,9 @@ def test_many_rows_of_one_id_are_named_in_order(tmp_path: Path) -> None:
 def test_a_name_that_no_database_can_hold_is_a_row_with_an_error(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
         journal.begin([Row(before="old/caf\udce9.jpg", after="new/caf\udce9.jpg"), *rows("a")])
-        assert journal.unsettled() == 1
+        assert journal.remaining() == 1
         (task,) = tasks(journal, tmp_path)
-        journal.settle(done(task))
+        journal.record(done(task))
         odd, _ = journal.pair_rows()
         assert odd["error"] == "old/caf\\udce9.jpg is not a UTF-8 name; rename it"
 
@@ -78,13 +78,13 @@ def test_a_name_that_no_database_can_hold_is_a_row_with_an_error(tmp_path: Path)
 def test_what_was_settled_comes_back_in_the_manifests_order(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
         assert journal.begin([*rows("a", "b"), Row(error="broken row"), *rows("d")]) == 4
-        assert journal.unsettled() == 3
+        assert journal.remaining() == 3
         a, b, d = tasks(journal, tmp_path)
         assert d == Task(row=4, name="d", before="base/old/0.jpg", after="base/new/0.jpg")
-        journal.settle(done(d))
-        journal.settle(Outcome(row=b.row, name="b", error="no photo"))
-        journal.settle(done(a))
-        assert journal.unsettled() == 0
+        journal.record(done(d))
+        journal.record(Outcome(row=b.row, name="b", error="no photo"))
+        journal.record(done(a))
+        assert journal.remaining() == 0
         found = list(journal.pair_rows())
         assert [(row["row"], row["pair"], row["status"]) for row in found] == [
             (1, "a", "ok"),
@@ -105,7 +105,7 @@ def test_a_pair_is_known_while_its_files_are_there(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
         journal.begin(rows("a", "b"))
         for task in tasks(journal, tmp_path):
-            journal.settle(done(task, key=f"key of {task.name}"))
+            journal.record(done(task, key=f"key of {task.name}"))
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "mask.png").touch()
     with Journal(tmp_path) as journal:
@@ -119,11 +119,11 @@ def test_a_reused_pair_keeps_what_it_was_and_a_failed_one_shows_its_error(tmp_pa
     with Journal(tmp_path) as journal:
         journal.begin(rows("a", "b"))
         for task in tasks(journal, tmp_path):
-            journal.settle(done(task))
+            journal.record(done(task))
         journal.begin(rows("a", "b"))
         a, b = tasks(journal, tmp_path)
-        journal.settle(Outcome(row=a.row, name=a.name, key="k", reused=True))
-        journal.settle(Outcome(row=b.row, name=b.name, error="gone"))
+        journal.record(Outcome(row=a.row, name=a.name, key="k", reused=True))
+        journal.record(Outcome(row=b.row, name=b.name, error="gone"))
         first, second = journal.pair_rows()
         assert (first["regions"], first["seconds"]) == (1, 1.5)
         assert (second["status"], second["error"]) == ("error", "gone")

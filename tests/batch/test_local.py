@@ -14,8 +14,8 @@ import torch
 from threadpoolctl import threadpool_info
 
 from zeroscd.batch import local
-from zeroscd.batch.desk import Desk, Options
-from zeroscd.batch.local import Local, outcome_of, settle_all
+from zeroscd.batch.comparer import Options, PairComparer
+from zeroscd.batch.local import Local, outcome_of, run_all
 from zeroscd.batch.task import Outcome, Task
 from zeroscd.errors import ImageError, OutputError
 from zeroscd.settings import Settings
@@ -47,7 +47,7 @@ def test_only_a_few_pairs_are_under_way_however_many_there_are(
             yield task
 
     rows = []
-    for outcome in Local(workers=1).settle(counted(), Options(detector=toy.make)):
+    for outcome in Local(workers=1).run(counted(), Options(detector=toy.make)):
         rows.append(outcome.row)
         settled += 1
     assert sorted(rows) == list(range(1, 101))
@@ -58,7 +58,7 @@ def test_the_next_photos_are_read_while_a_pair_is_compared(street: Path, toy: Mo
     read_t1 = [threading.Event() for _ in range(2)]
     compared: list[bool] = []
 
-    class Watching(Desk):
+    class Watching(PairComparer):
         def _decode(self, file: Any) -> Any:
             number = int(file.address.split("/")[-1][0])
             found = super()._decode(file)
@@ -69,8 +69,8 @@ def test_the_next_photos_are_read_while_a_pair_is_compared(street: Path, toy: Mo
     def wait_for_the_other(result: Any) -> None:
         compared.append(all(event.wait(PATIENCE_S) for event in read_t1))
 
-    desk = Watching(Options(detector=lambda: toy.make(wait_for_the_other)))
-    assert len(list(settle_all(tasks_of(street, 2), desk, workers=1))) == 2
+    comparer = Watching(Options(detector=lambda: toy.make(wait_for_the_other)))
+    assert len(list(run_all(tasks_of(street, 2), comparer, workers=1))) == 2
     assert compared == [True, True]
 
 
@@ -92,7 +92,7 @@ def test_no_more_pairs_than_workers_are_compared_at_once(street: Path, toy: Modu
 
     model = toy.make()
     options = Options(detector=lambda: Counting(model.settings, model.models))
-    outcomes = list(Local(workers=2).settle(tasks_of(street, 8), options))
+    outcomes = list(Local(workers=2).run(tasks_of(street, 8), options))
     assert [outcome.error for outcome in outcomes] == [None] * 8
     assert most == 2
 
@@ -106,7 +106,7 @@ def test_workers_share_the_cores_and_give_them_back(
     watch = Options(detector=lambda: toy.make(lambda result: seen.append(allowed())))
     for workers, share in ((2, 3), (4, 1), (9, 1)):
         seen.clear()
-        assert len(list(Local(workers=workers).settle(tasks_of(street, 3), watch))) == 3
+        assert len(list(Local(workers=workers).run(tasks_of(street, 3), watch))) == 3
         assert seen == [(share, share, share)] * 3
     assert allowed() == before
 
@@ -128,7 +128,7 @@ def test_only_the_lite_models_are_light_enough_for_a_pair_on_each_core(
 
 def test_a_consumer_that_stops_leaves_no_thread_behind(street: Path, toy: ModuleType) -> None:
     before = threading.active_count()
-    running = Local().settle(tasks_of(street, 50), Options(detector=toy.make))
+    running = Local().run(tasks_of(street, 50), Options(detector=toy.make))
     next(running)
     running.close()  # type: ignore[attr-defined]
     assert threading.active_count() == before
@@ -138,9 +138,9 @@ def test_the_same_bytes_at_two_addresses_keep_their_own_names(
     street: Path, toy: ModuleType
 ) -> None:
     (street / "t1" / "0.png").write_bytes((street / "t0" / "0.png").read_bytes())
-    desk = Desk(Options(detector=toy.make, write=("json",)))
+    comparer = PairComparer(Options(detector=toy.make, write=("json",)))
     (task,) = tasks_of(street, 1)
-    outcome = desk.settle(task, nullcontext())
+    outcome = comparer.compare(task, nullcontext())
     assert (outcome.looks, outcome.hits) == (2, 1)
     text = outcome.files["changes.json"].decode()
     assert task.before in text
@@ -151,12 +151,12 @@ def test_the_same_bytes_at_two_addresses_keep_their_own_names(
 def test_a_known_pair_is_not_decoded(street: Path, toy: ModuleType) -> None:
     (task,) = tasks_of(street, 1)
     options = Options(detector=toy.make)
-    key = Desk(options).settle(task, nullcontext()).key
+    key = PairComparer(options).compare(task, nullcontext()).key
     known = Task(row=1, name="0", before=task.before, after=task.after, known=key)
-    outcome = Desk(options).settle(known, nullcontext())
+    outcome = PairComparer(options).compare(known, nullcontext())
     assert outcome == Outcome(row=1, name="0", key=key, reused=True)
     swapped = Task(row=1, name="0", before=task.after, after=task.before, known=key)
-    assert not Desk(options).settle(swapped, nullcontext()).reused
+    assert not PairComparer(options).compare(swapped, nullcontext()).reused
 
 
 TASK = Task(row=3, name="elm", before="b", after="a")

@@ -62,7 +62,7 @@ class IslandSegmenter:
 
     name = "toy"
 
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> IslandStudy:
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> IslandStudy:
         del features
         return IslandStudy(photo.shape[:2])
 
@@ -74,7 +74,7 @@ class IslandStudy:
     size_hw: tuple[int, int]
     size_bytes: int = 0
 
-    def outlines(self, where: Mask | None) -> Segments:
+    def segments(self, where: Mask | None) -> Segments:
         mask = np.ones(self.size_hw, bool) if where is None else where
         count, labels = cv2.connectedComponents(mask.astype(np.uint8))
         found = (Segment.from_mask(labels == number) for number in range(1, count))

@@ -63,7 +63,7 @@ def one_patch_differs(cosine: float) -> tuple[tuple[FeatureMap], tuple[FeatureMa
 
 def test_a_patch_beyond_tau_is_changed_and_its_neighbours_are_not() -> None:
     found = compare(*one_patch_differs(0.0), tau=1.0)
-    # Patches are 16 px; sqrt(2) w > 1 where the bilinear weight w exceeds .707.
+    # LocalDescriptors are 16 px; sqrt(2) w > 1 where the bilinear weight w exceeds .707.
     assert found.changed[31, 47]
     assert found.changed[24, 40]
     assert not found.changed[:16].any()

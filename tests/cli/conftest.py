@@ -12,7 +12,8 @@ import pytest
 from PIL import Image
 
 from zeroscd.images.read import read_photo
-from zeroscd.result import ChangeResult, NotAligned, Region
+from zeroscd.records import NotAligned, Region
+from zeroscd.result import ChangeResult
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:

@@ -99,6 +99,6 @@ def test_a_stopped_survey_says_how_to_go_on(
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("zeroscd.survey.run.sight", stop)
+    monkeypatch.setattr("zeroscd.survey.run.match_photo", stop)
     assert run(command) == 130
     assert "warning: stopped; give the same command again to continue in" in capsys.readouterr().err

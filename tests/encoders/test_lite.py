@@ -12,7 +12,7 @@ import torch
 from zeroscd.encoders import lite
 from zeroscd.encoders.lite import STRIDES_PX, LiteEncoder, load
 from zeroscd.errors import WeightsError
-from zeroscd.images.working import resize, working_size
+from zeroscd.images.resizing import resize, working_size
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:

@@ -41,7 +41,7 @@ class StillEncoder:
 class StillSegmenter:
     name = "still"
 
-    def study(self, photo: Any, features: Any) -> Any:
+    def proposals(self, photo: Any, features: Any) -> Any:
         raise AssertionError
 
 
@@ -53,7 +53,7 @@ def app(toy: ModuleType, monkeypatch: pytest.MonkeyPatch) -> typer.Typer:
         back = toy.ToyDetector.in_frame("t0") if asked["swap"] else None
         return Run(detector=replace(detector, settings=settings), out=out, swapped=back)
 
-    class Workshop:
+    class DetectorFactory:
         def __init__(self, preset: str, device: str) -> None:
             self.preset = preset
 
@@ -67,7 +67,7 @@ def app(toy: ModuleType, monkeypatch: pytest.MonkeyPatch) -> typer.Typer:
             return toy.ToyDetector(settings=settings, preset=self.preset)
 
     monkeypatch.setattr("zeroscd.cli.evaluate.make_run", make_run)
-    monkeypatch.setattr("zeroscd.cli.ablate._Workshop", Workshop)
+    monkeypatch.setattr("zeroscd.cli.ablate._DetectorFactory", DetectorFactory)
     app = typer.Typer()
     app.command()(evaluate)
     app.command()(ablate)

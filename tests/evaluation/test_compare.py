@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from zeroscd.errors import DatasetError
-from zeroscd.evaluation.compare import beside_rivals, table_among_published
+from zeroscd.evaluation.compare import compare_with_baselines, table_among_published
 from zeroscd.evaluation.datasets.catalogue import open_dataset
 from zeroscd.evaluation.metrics import Counts
 from zeroscd.evaluation.published import LATER, PAPER_TABLE, PAPER_TAU, published_for
@@ -72,21 +72,21 @@ def test_your_own_folder_has_no_published_table(scores: Scores) -> None:
 def test_other_methods_are_compared_on_exactly_the_shared_pairs_with_change(
     scores: Scores, tiny_folder: Path
 ) -> None:
-    rivals = {
+    baselines = {
         "a": {"one": 0.5, "two": 0.1},
         "b": {"one": 0.3},
         "c": {"one": 0.9, "two": 0.9},
         "z": {"one": 1.0, "two": 1.0},
     }
-    (tiny_folder / "published_f1.json").write_text(json.dumps(rivals))
-    found = beside_rivals(scores)
+    (tiny_folder / "published_f1.json").write_text(json.dumps(baselines))
+    found = compare_with_baselines(scores)
     assert found is not None
     assert found.stems == ("a",)
     assert found.means == pytest.approx({"ours": 0.4, "one": 0.5, "two": 0.1})
 
 
 def test_without_such_a_file_there_is_no_comparison(scores: Scores) -> None:
-    assert beside_rivals(scores) is None
+    assert compare_with_baselines(scores) is None
 
 
 @pytest.mark.parametrize("text", ["[1, 2]", "{", '{"a": 3}', '{"a": {"one": "best"}}'])
@@ -95,4 +95,4 @@ def test_a_wrong_file_of_other_methods_is_named(
 ) -> None:
     (tiny_folder / "published_f1.json").write_text(text)
     with pytest.raises(DatasetError, match=r"published_f1\.json"):
-        beside_rivals(scores)
+        compare_with_baselines(scores)

@@ -18,10 +18,10 @@ from PIL import Image
 
 from zeroscd.errors import OutputError
 from zeroscd.evaluation.datasets.catalogue import open_dataset
-from zeroscd.evaluation.journal import Journal
 from zeroscd.evaluation.metrics import Counts
 from zeroscd.evaluation.run import Run, evaluate
-from zeroscd.evaluation.scoring import Heat, KindHits, PairScore
+from zeroscd.evaluation.score_ledger import ScoreLedger
+from zeroscd.evaluation.scoring import DistanceHistogram, KindHits, PairScore
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,7 +37,7 @@ SCORE = PairScore(
     counts=Counts(tp=1, fp=2, fn=3, tn=4),
     seconds=0.5,
     stages={"features": 0.25},
-    heat=Heat(changed=(1, 2), unchanged=(3, 4)),
+    heat=DistanceHistogram(changed=(1, 2), unchanged=(3, 4)),
     kinds=KindHits(hit=2, right=1),
 )
 
@@ -147,20 +147,20 @@ def test_a_line_that_a_crash_cut_short_is_ignored_and_does_not_spoil_the_next(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "pairs.jsonl"
-    Journal(path).add("one", SCORE)
-    Journal(path).add("two", SCORE)
+    ScoreLedger(path).add("one", SCORE)
+    ScoreLedger(path).add("two", SCORE)
     path.write_bytes(path.read_bytes()[:-40])
-    journal = Journal(path)
+    journal = ScoreLedger(path)
     assert journal.get("one") == SCORE
     assert journal.get("two") is None
     journal.add("three", SCORE)
-    assert Journal(path).get("three") == SCORE
-    assert Journal(path).get("one") == SCORE
+    assert ScoreLedger(path).get("three") == SCORE
+    assert ScoreLedger(path).get("one") == SCORE
 
 
 def test_a_journal_that_cannot_be_written_says_so(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"pairs\.jsonl"):
-        Journal(tmp_path / "nowhere" / "pairs.jsonl").add("one", SCORE)
+        ScoreLedger(tmp_path / "nowhere" / "pairs.jsonl").add("one", SCORE)
 
 
 def test_an_output_folder_that_is_a_file_is_refused(

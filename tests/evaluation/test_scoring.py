@@ -12,23 +12,24 @@ import pytest
 from zeroscd.evaluation.curves import best_of, precision_recall
 from zeroscd.evaluation.metrics import Counts
 from zeroscd.evaluation.scoring import (
-    Heat,
+    DistanceHistogram,
     KindHits,
     PairScore,
     agreement,
     count_kinds,
     count_pair,
-    spread_heat,
+    distance_histogram,
 )
 from zeroscd.evaluation.truth import Truth
-from zeroscd.result import Alignment, NotAligned, Region
+from zeroscd.records import Alignment, NotAligned, Region
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     from numpy.typing import NDArray
 
-    from zeroscd.result import ChangeResult, Kind
+    from zeroscd.records import Kind
+    from zeroscd.result import ChangeResult
 
 SIZE_HW = (40, 80)
 SHIFT_PX = 10  # t1 is t0 moved to the right by this
@@ -127,7 +128,7 @@ def test_kinds_are_not_judged_where_the_data_does_not_tell_them(blank: ChangeRes
 def test_distances_are_counted_by_truth_and_only_where_pixels_count(blank: ChangeResult) -> None:
     distance = np.where(box(0, 40), 1.5, 0.25).astype(np.float32)
     truth = truth_of(changed=box(0, 20), valid=~box(30, 40))
-    heat = spread_heat(distance, truth)
+    heat = distance_histogram(distance, truth)
     assert (sum(heat.changed), heat.changed[75]) == (200, 200)
     assert (heat.unchanged[75], heat.unchanged[12]) == (100, 3200 - 400)
 
@@ -138,7 +139,9 @@ def test_the_curve_over_tau_is_that_worked_out_by_hand() -> None:
     changed[25], unchanged[25], changed[75], unchanged[75] = 1, 3, 3, 1
     curve = {
         point.tau: point
-        for point in precision_recall([Heat(changed=tuple(changed), unchanged=tuple(unchanged))])
+        for point in precision_recall(
+            [DistanceHistogram(changed=tuple(changed), unchanged=tuple(unchanged))]
+        )
     }
     assert (curve[0.5].precision, curve[0.5].recall) == (0.5, 1.0)
     assert (curve[0.52].precision, curve[0.52].recall) == (0.75, 0.75)
@@ -150,7 +153,7 @@ def test_the_curve_over_tau_is_that_worked_out_by_hand() -> None:
 
 
 def test_without_any_change_there_is_no_curve() -> None:
-    quiet = Heat(changed=(0,) * 100, unchanged=(5,) * 100)
+    quiet = DistanceHistogram(changed=(0,) * 100, unchanged=(5,) * 100)
     assert precision_recall([quiet]) == ()
     assert precision_recall([]) == ()
     assert best_of(()) is None
@@ -168,7 +171,7 @@ def test_a_score_comes_back_from_json_as_it_was(kinds: KindHits | None) -> None:
         counts=Counts(tp=1, fp=2, fn=3, tn=4),
         seconds=0.1,
         stages={"features": 0.05},
-        heat=Heat(changed=(1, 2), unchanged=(3, 4)),
+        heat=DistanceHistogram(changed=(1, 2), unchanged=(3, 4)),
         kinds=kinds,
         consistency=0.3,
         not_aligned="blank",

@@ -15,14 +15,16 @@ import numpy as np
 
 from zeroscd.evaluation.datasets.catalogue import open_dataset
 from zeroscd.evaluation.run import Run, evaluate
-from zeroscd.result import Alignment, ChangeResult, Photo
+from zeroscd.images.photo import Photo
+from zeroscd.records import Alignment
+from zeroscd.result import ChangeResult
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from zeroscd.arrays import Rgb
-    from zeroscd.result import Frame
+    from zeroscd.records import Frame
 
 DIFFERENCE = 40  # grey levels
 
@@ -61,7 +63,7 @@ class ToyDetector:
 
     # The same in three steps, for which a view is a photo and the evidence is two of them.
 
-    def look(self, photos: Sequence[Rgb]) -> Sequence[Rgb]:
+    def encode(self, photos: Sequence[Rgb]) -> Sequence[Rgb]:
         return photos
 
     def compare(self, before: Rgb, after: Rgb) -> tuple[Rgb, Rgb]:

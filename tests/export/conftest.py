@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from zeroscd.result import Alignment, ChangeResult, NotAligned, Photo, Region
+from zeroscd.images.photo import Photo
+from zeroscd.records import Alignment, NotAligned, Region
+from zeroscd.result import ChangeResult
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from zeroscd.export.geojson import feature, geojson, geojson_lines
 from zeroscd.export.table import change_rows, pair_row
 from zeroscd.images.exif import Exif
-from zeroscd.result import ChangeResult, NotAligned, Photo, Region
+from zeroscd.images.photo import Photo
+from zeroscd.records import NotAligned, Region
+from zeroscd.result import ChangeResult
 from zeroscd.settings import Settings
 
 CHANGE: dict[str, Any] = {

@@ -155,8 +155,8 @@ def patch_distances(
     """P_diff: for every patch the distance to what it is carried to; None = outside the photo.
 
     Args:
-        here: Patches of the photo looked at.
-        there: Patches of the other photo.
+        here: LocalDescriptors of the photo looked at.
+        there: LocalDescriptors of the other photo.
         carried: From (column, row) to fractional (column, row) of the other grid.
         read: How a descriptor is read between patches.
         radius: The smallest distance in the neighbourhood counts.

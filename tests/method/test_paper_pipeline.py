@@ -11,7 +11,7 @@ import pytest
 from zeroscd.alignment.homography import apply
 from zeroscd.detector import Detector
 from zeroscd.models import Models
-from zeroscd.result import Alignment, ChangeResult
+from zeroscd.records import Alignment
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask
     from zeroscd.encoders.port import PatchEncoder
+    from zeroscd.result import ChangeResult
 
 SIZE_HW = (96, 128)
 PATCH_PX = 16

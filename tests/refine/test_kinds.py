@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.refine.kinds import settle_kinds, smooth
+from zeroscd.refine.kinds import assign_kinds, smooth
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Map, Mask
@@ -36,7 +36,7 @@ def left(mask: Mask) -> Mask:
 
 def settle(removed: Mask, added: Mask, novelty_t0: Map, novelty_t1: Map) -> tuple[Mask, Mask]:
     """Two photos, the second moved two pixels to the right."""
-    return settle_kinds(
+    return assign_kinds(
         removed, added, novelty_t0=novelty_t0, novelty_t1=novelty_t1, carriers=(left, right)
     )
 
@@ -86,7 +86,7 @@ def changed_with_rim(new_columns: int) -> tuple[Mask, Mask]:
     novelty[:, 80 + new_columns :] = -0.3
     change = np.zeros((120, 200), dtype=bool)
     change[40:80, 80:120] = True
-    return settle_kinds(
+    return assign_kinds(
         change,
         np.zeros_like(change),
         novelty_t0=novelty,
@@ -121,7 +121,7 @@ def test_time_running_backwards_swaps_the_kinds(seed: int) -> None:
     removed, added = (rng.random(SIZE_HW) < 0.3 for _ in range(2))
     novelty_t0, novelty_t1 = (rng.normal(size=SIZE_HW).astype(np.float32) for _ in range(2))
     forth = settle(removed, added, novelty_t0, novelty_t1)
-    back = settle_kinds(
+    back = assign_kinds(
         added, removed, novelty_t0=novelty_t1, novelty_t1=novelty_t0, carriers=(right, left)
     )
     np.testing.assert_array_equal(forth[0], back[1])

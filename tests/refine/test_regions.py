@@ -13,7 +13,7 @@ from zeroscd.refine.regions import encode_rle, find_regions
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask
-    from zeroscd.result import Region
+    from zeroscd.records import Region
 
 SIZE_HW = (24, 30)
 UNRELATED = float(np.sqrt(2))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.refine.shapes import close_gaps, drop_specks, drop_thin
+from zeroscd.refine.shapes import close_gaps, drop_thin, remove_small_components
 
 SIZE_HW = (100, 120)
 
@@ -45,17 +45,17 @@ def test_a_hole_is_filled_and_the_room_to_the_edge_of_the_photo_is_not() -> None
     np.testing.assert_array_equal(close_gaps(beside_the_edge, gap_width=0.1), beside_the_edge)
 
 
-@pytest.mark.parametrize(("least_width", "stays"), [(0.0, True), (0.15, True), (0.3, False)])
+@pytest.mark.parametrize(("min_width", "stays"), [(0.0, True), (0.15, True), (0.3, False)])
 def test_a_strip_goes_when_its_own_disk_does_not_fit_in_it(
-    *, least_width: float, stays: bool
+    *, min_width: float, stays: bool
 ) -> None:
     # 120 x 4 pixels: the square root of the area is 21.9, so the disks are 0, 3.3 and 6.6 wide.
-    assert bool(drop_thin(STRIP, least_width=least_width).any()) is stays
+    assert bool(drop_thin(STRIP, min_width=min_width).any()) is stays
 
 
 def test_a_spike_goes_where_a_pole_of_the_same_width_stays() -> None:
     house, spike, pole = box(10, 30, 60, 60), box(30, 5, 7, 25), box(90, 40, 7, 25)
-    left = drop_thin(house | spike | pole, least_width=0.3)
+    left = drop_thin(house | spike | pole, min_width=0.3)
     assert not left[:25].any()
     assert left[45:60, 93].all()
     assert left[40:80, 20:60].all()
@@ -63,7 +63,7 @@ def test_a_spike_goes_where_a_pole_of_the_same_width_stays() -> None:
 
 
 def test_a_thing_keeps_its_outline_but_for_its_corners() -> None:
-    left = drop_thin(THING, least_width=7 / 30)
+    left = drop_thin(THING, min_width=7 / 30)
     assert not (left & ~THING).any()
     assert left[20:50, 25:45].all()
     assert left[25:45, 20:50].all()
@@ -74,30 +74,30 @@ def test_below_two_pixels_nothing_is_filled_or_taken_away() -> None:
     for width in (0.0, 0.01, 0.019):
         np.testing.assert_array_equal(close_gaps(pitted, gap_width=width), pitted)
     for width in (0.0, 0.3, 0.66):  # of the speck, 3 pixels
-        np.testing.assert_array_equal(drop_thin(SPECK, least_width=width), SPECK)
+        np.testing.assert_array_equal(drop_thin(SPECK, min_width=width), SPECK)
 
 
 def test_the_edge_of_the_photo_cuts_no_corners() -> None:
-    cut_off = box(0, 20, 30, 30)
-    left = drop_thin(cut_off, least_width=0.5)
+    is_near_crop_edge = box(0, 20, 30, 30)
+    left = drop_thin(is_near_crop_edge, min_width=0.5)
     assert left[20:50, 0].all()
     assert not left[20, 29]
 
 
 def test_the_parts_do_not_know_of_each_other() -> None:
     large, small = box(0, 0, 60, 60), box(61, 0, 6, 6)
-    together = drop_thin(large | small, least_width=0.3)
-    apart = drop_thin(large, least_width=0.3) | drop_thin(small, least_width=0.3)
+    together = drop_thin(large | small, min_width=0.3)
+    apart = drop_thin(large, min_width=0.3) | drop_thin(small, min_width=0.3)
     assert together[3, 64]
     np.testing.assert_array_equal(together, apart)
 
 
 def test_specks_go_and_parts_of_just_the_wanted_size_stay() -> None:
     both = THING | SPECK
-    np.testing.assert_array_equal(drop_specks(both, min_area_px=9), both)
-    np.testing.assert_array_equal(drop_specks(both, min_area_px=10), THING)
-    assert not drop_specks(both, min_area_px=901).any()
-    np.testing.assert_array_equal(drop_specks(both, min_area_px=0), both)
+    np.testing.assert_array_equal(remove_small_components(both, min_area_px=9), both)
+    np.testing.assert_array_equal(remove_small_components(both, min_area_px=10), THING)
+    assert not remove_small_components(both, min_area_px=901).any()
+    np.testing.assert_array_equal(remove_small_components(both, min_area_px=0), both)
 
 
 @pytest.mark.parametrize("full", [False, True])
@@ -105,8 +105,8 @@ def test_nothing_stays_nothing_and_everything_everything(*, full: bool) -> None:
     mask = np.full(SIZE_HW, full)
     for shaped in (
         close_gaps(mask, gap_width=0.1),
-        drop_thin(mask, least_width=0.5),
-        drop_specks(mask, min_area_px=0),
+        drop_thin(mask, min_width=0.5),
+        remove_small_components(mask, min_area_px=0),
     ):
         np.testing.assert_array_equal(shaped, mask)
 
@@ -115,10 +115,10 @@ def test_nothing_stays_nothing_and_everything_everything(*, full: bool) -> None:
 def test_each_works_in_one_direction_only(seed: int, width: float, area: int) -> None:
     mask = random_boxes(seed)
     assert not (mask & ~close_gaps(mask, gap_width=width)).any()
-    assert not (drop_thin(mask, least_width=width) & ~mask).any()
-    large = drop_specks(mask, min_area_px=area)
+    assert not (drop_thin(mask, min_width=width) & ~mask).any()
+    large = remove_small_components(mask, min_area_px=area)
     assert not (large & ~mask).any()
-    np.testing.assert_array_equal(drop_specks(large, min_area_px=area), large)
+    np.testing.assert_array_equal(remove_small_components(large, min_area_px=area), large)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 0.3))

@@ -10,8 +10,8 @@ from PIL import Image
 
 from zeroscd.images.exif import Exif
 from zeroscd.images.grid import PatchGrid
+from zeroscd.images.photo import Photo
 from zeroscd.records import FeatureMap
-from zeroscd.result import Photo
 from zeroscd.retrieval.describe import Place, describe
 
 if TYPE_CHECKING:

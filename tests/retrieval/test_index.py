@@ -210,7 +210,7 @@ def test_an_index_of_another_format_is_refused(
     reopen: Callable[..., PlaceIndex],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("zeroscd.retrieval.canary.FORMAT", 2)
+    monkeypatch.setattr("zeroscd.retrieval.compatibility.FORMAT", 2)
     with pytest.raises(SettingsError, match="has format 1, this version reads 2"):
         reopen(toy_encoder)
 

@@ -10,7 +10,7 @@ from zeroscd.images.exif import Exif
 from zeroscd.retrieval import store as module
 from zeroscd.retrieval.describe import Place
 from zeroscd.retrieval.gps import metres
-from zeroscd.retrieval.patches import CODE_BITS, Patches
+from zeroscd.retrieval.local_descriptors import CODE_BITS, LocalDescriptors
 from zeroscd.retrieval.rows import Entry
 from zeroscd.retrieval.store import Nearby, Store, is_index
 
@@ -23,7 +23,7 @@ ABOUT = {"format": 1, "words": ["any", "plain", "values"]}
 def entry(number: int, *, gps: tuple[float, float] | None = None, path: str | None = None) -> Entry:
     rng = np.random.default_rng(number)
     vector = rng.normal(size=LENGTH).astype(np.float32)
-    patches = Patches(
+    patches = LocalDescriptors(
         codes=rng.integers(0, 256, (3, CODE_BITS // 8)).astype(np.uint8),
         centres_xy=rng.integers(0, 500, (3, 2)).astype(np.uint16),
         patch_px=16.0,
@@ -59,7 +59,7 @@ def test_what_went_in_comes_out(store: Store, address: str) -> None:
     np.testing.assert_array_equal(found.place.patches[0].codes, before.place.patches[0].codes)
     assert cosine == pytest.approx(1.0, abs=1e-3)
     assert again.about == ABOUT
-    np.testing.assert_allclose(again.canary.vector, entry(0).place.vector, atol=1e-3)
+    np.testing.assert_allclose(again.reference.vector, entry(0).place.vector, atol=1e-3)
 
 
 def test_a_small_index_is_searched_exactly(store: Store) -> None:
@@ -169,7 +169,7 @@ def test_a_creation_that_was_cut_short_is_made_again(address: str, store: Store)
     assert not is_index(address)
     again = Store.create(address, {"format": 2}, entry(3).place)
     assert again.about == {"format": 2}
-    np.testing.assert_allclose(again.canary.vector, entry(3).place.vector, atol=1e-3)
+    np.testing.assert_allclose(again.reference.vector, entry(3).place.vector, atol=1e-3)
 
 
 def test_making_an_index_says_nothing_on_the_terminal(

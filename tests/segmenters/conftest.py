@@ -20,7 +20,7 @@ from zeroscd.segmenters.tiny_vit import Stage, TinyVit
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from zeroscd.segmenters.port import Study
+    from zeroscd.segmenters.port import MaskProposals
 
 SIDE_PX = 128
 
@@ -184,15 +184,15 @@ def one_thread() -> Iterator[None]:
 
 
 @pytest.fixture
-def ask_twice_at_once() -> Callable[[Study], tuple[int, int]]:
+def ask_twice_at_once() -> Callable[[MaskProposals], tuple[int, int]]:
     """Let two threads ask for all outlines at the same time; how many each got."""
 
-    def ask(study: Study) -> tuple[int, int]:
+    def ask(proposals: MaskProposals) -> tuple[int, int]:
         both = Barrier(2)
 
         def one(_: int) -> int:
             both.wait()
-            return len(study.outlines(None))
+            return len(proposals.segments(None))
 
         with ThreadPoolExecutor(2) as threads:
             first, second = threads.map(one, range(2))

@@ -21,12 +21,14 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from zeroscd.records import Segments
-    from zeroscd.segmenters.port import Study
+    from zeroscd.segmenters.port import MaskProposals
     from zeroscd.segmenters.sam_network import Sam2Network
 
     Sams: TypeAlias = SamNetwork | Sam2Network
 
-SETTINGS = SegmentSettings(points_per_side=9, points_per_batch=7, stability=0.5, box_nms=0.85)
+SETTINGS = SegmentSettings(
+    points_per_side=9, points_per_batch=7, stability_score_thresh=0.5, box_nms_thresh=0.85
+)
 
 
 # --- The published procedure, written plainly: one point, one full-size map, one loop at a time ---
@@ -101,10 +103,14 @@ def plain_crop_masks(
             point = np.array([(col + 0.5) / n * (x1 - x0), (row + 0.5) / n * (y1 - y0)])
             maps, scores = plain_logits(network, embedding, (y1 - y0, x1 - x0), point)
             for logits, score in zip(maps.numpy(), scores.tolist(), strict=True):
-                if not score > (settings.pred_iou or 0.0):
+                if not score > (settings.pred_iou_thresh or 0.0):
                     continue
                 inner, outer = (logits > 1).sum(), (logits > -1).sum()
-                if outer == 0 or inner / outer < settings.stability or not (logits > 0).any():
+                if (
+                    outer == 0
+                    or inner / outer < settings.stability_score_thresh
+                    or not (logits > 0).any()
+                ):
                     continue
                 mask = np.zeros((height, width), dtype=bool)
                 mask[y0:y1, x0:x1] = logits > 0
@@ -136,12 +142,12 @@ def plain_nms(masks: list[PlainMask], scores: list[float], overlap: float) -> li
 @torch.inference_mode()
 def plain_masks(network: Sams, photo: np.ndarray, settings: SegmentSettings) -> list[np.ndarray]:
     found: list[PlainMask] = []
-    for crop in plain_crops(photo.shape[0], photo.shape[1], settings.crop_layers):
+    for crop in plain_crops(photo.shape[0], photo.shape[1], settings.crop_n_layers):
         masks = list(plain_crop_masks(network, photo, crop, settings))
-        found += plain_nms(masks, [mask.score for mask in masks], settings.box_nms)
-    if settings.crop_layers:
+        found += plain_nms(masks, [mask.score for mask in masks], settings.box_nms_thresh)
+    if settings.crop_n_layers:
         sizes = [(m.crop[2] - m.crop[0]) * (m.crop[3] - m.crop[1]) for m in found]
-        found = plain_nms(found, [1 / size for size in sizes], settings.box_nms)
+        found = plain_nms(found, [1 / size for size in sizes], settings.box_nms_thresh)
     return [mask.mask for mask in found]
 
 
@@ -161,18 +167,18 @@ def assert_same_masks(found: Segments, expected: list[np.ndarray]) -> None:
     ("above", "changed"),
     [
         (0.0, {}),
-        (0.0, {"stability": 0.0}),
-        (-10.0, {"box_nms": 0.95}),
-        (0.0, {"crop_layers": 1, "points_per_side": 6}),
+        (0.0, {"stability_score_thresh": 0.0}),
+        (-10.0, {"box_nms_thresh": 0.95}),
+        (0.0, {"crop_n_layers": 1, "points_per_side": 6}),
     ],
     ids=["filters", "unstable too", "every score", "crops"],
 )
 def test_masks_equal_the_published_procedure_step_by_step(
     network: Sams, photo: np.ndarray, above: float, changed: dict[str, Any]
 ) -> None:
-    settings = replace(SETTINGS, pred_iou=typical_score(network, photo) + above, **changed)
+    settings = replace(SETTINGS, pred_iou_thresh=typical_score(network, photo) + above, **changed)
     ours = AutomaticSegmenter(name="toy", network=network, settings=settings)
-    found = ours.study(photo, ()).outlines(None)
+    found = ours.proposals(photo, ()).segments(None)
     expected = plain_masks(network, photo, settings)
     assert len(expected) > 3
     assert_same_masks(found, expected)
@@ -180,19 +186,19 @@ def test_masks_equal_the_published_procedure_step_by_step(
 
 def typical_score(network: Sams, photo: np.ndarray) -> float:
     """A score that most masks exceed."""
-    look = network.look(photo)
+    embedding = network.embed(photo)
     points = np.random.default_rng(0).uniform(0, 239, (20, 2))
-    return float(network.ask(look, points)[1].quantile(0.3))
+    return float(network.predict(embedding, points)[1].quantile(0.3))
 
 
 def test_the_batch_size_changes_nothing(network: Sams, photo: np.ndarray) -> None:
-    settings = replace(SETTINGS, pred_iou=-10.0)
+    settings = replace(SETTINGS, pred_iou_thresh=-10.0)
     results = [
         AutomaticSegmenter(
             name="toy", network=network, settings=replace(settings, points_per_batch=size)
         )
-        .study(photo, ())
-        .outlines(None)
+        .proposals(photo, ())
+        .segments(None)
         for size in (1, 40, 1000)
     ]
     packed = [[segment.bits.tobytes() for segment in result] for result in results]
@@ -214,15 +220,15 @@ class Scripted:
 
     objects: list[tuple[int, int, int, int]]
     photo_hw: tuple[int, int] = (128, 128)
-    pred_iou: float = 0.5
+    pred_iou_thresh: float = 0.5
     looks: int = 0
     asked: list[tuple[float, float]] = field(default_factory=list)
 
-    def look(self, photo: np.ndarray) -> Glance:
+    def embed(self, photo: np.ndarray) -> Glance:
         self.looks += 1
         return Glance()
 
-    def ask(self, look: Glance, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+    def predict(self, look: Glance, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
         self.asked += [tuple(point) for point in points_xy.tolist()]
         maps = np.full((len(points_xy), *self.photo_hw), -5.0)
         scores = np.zeros(len(points_xy))
@@ -233,7 +239,7 @@ class Scripted:
                     scores[index] = 0.9 - number / 100
         return torch.from_numpy(maps), torch.from_numpy(scores)
 
-    def enlarge(self, look: Glance, logits: Tensor) -> Tensor:
+    def upscale_masks(self, look: Glance, logits: Tensor) -> Tensor:
         return logits
 
 
@@ -265,8 +271,8 @@ def test_prompting_only_coarse_change_flags_exactly_the_same_objects(seed: int) 
         missed = int(rng.uniform(0, 0.3) * (right - left))
         where[top:bottom, left : right - missed] = True
     segmenter = scripted_segmenter(Scripted(objects))
-    everything = segmenter.study(BLANK, ()).outlines(None)
-    coarse = segmenter.study(BLANK, ()).outlines(where)
+    everything = segmenter.proposals(BLANK, ()).segments(None)
+    coarse = segmenter.proposals(BLANK, ()).segments(where)
     assert len(everything) == 4
     assert flagged(coarse, where) == flagged(everything, where)
 
@@ -275,7 +281,7 @@ def test_objects_far_from_coarse_change_are_not_asked_about() -> None:
     network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
     where = np.zeros((128, 128), dtype=bool)
     where[82:118, 82:118] = True
-    found = scripted_segmenter(network).study(BLANK, ()).outlines(where)
+    found = scripted_segmenter(network).proposals(BLANK, ()).segments(where)
     assert [segment.bbox_xywh for segment in found] == [(80, 80, 40, 40)]
     assert min(min(point) for point in network.asked) > 75
     assert len(network.asked) == 25  # a fifth of 16 x 16 points, squared: 36 px are 4.5 steps
@@ -283,7 +289,9 @@ def test_objects_far_from_coarse_change_are_not_asked_about() -> None:
 
 def test_without_coarse_change_the_network_is_not_even_shown_the_photo() -> None:
     network = Scripted([(0, 0, 40, 40)])
-    found = scripted_segmenter(network).study(BLANK, ()).outlines(np.zeros((128, 128), dtype=bool))
+    found = (
+        scripted_segmenter(network).proposals(BLANK, ()).segments(np.zeros((128, 128), dtype=bool))
+    )
     assert len(found) == 0
     assert found.size_hw == (128, 128)
     assert (network.looks, network.asked) == (0, [])
@@ -291,7 +299,7 @@ def test_without_coarse_change_the_network_is_not_even_shown_the_photo() -> None
 
 def test_the_photo_is_encoded_once_however_many_points_are_asked() -> None:
     network = Scripted([(0, 0, 40, 40)])
-    scripted_segmenter(network, per_side=20).study(BLANK, ()).outlines(None)
+    scripted_segmenter(network, per_side=20).proposals(BLANK, ()).segments(None)
     assert (network.looks, len(network.asked)) == (1, 400)
 
 
@@ -299,27 +307,27 @@ def test_a_photo_is_looked_at_once_for_all_places_that_are_asked_about() -> None
     network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
     segmenter, corner = scripted_segmenter(network), np.zeros((128, 128), dtype=bool)
     corner[82:118, 82:118] = True
-    study = segmenter.study(BLANK, ())
+    study = segmenter.proposals(BLANK, ())
     assert (network.looks, study.size_bytes) == (0, 0)
-    boxes = [[one.bbox_xywh for one in study.outlines(where)] for where in (corner, None, corner)]
+    boxes = [[one.bbox_xywh for one in study.segments(where)] for where in (corner, None, corner)]
     assert boxes == [[(80, 80, 40, 40)], [(0, 0, 40, 40), (80, 80, 40, 40)], [(80, 80, 40, 40)]]
     assert (network.looks, study.size_bytes) == (1, Glance.size_bytes)
-    segmenter.study(BLANK, ()).outlines(None)
+    segmenter.proposals(BLANK, ()).segments(None)
     assert network.looks == 2  # another photo, for all the segmenter knows
 
 
 def test_threads_that_share_a_photo_wait_for_the_one_look(
-    monkeypatch: pytest.MonkeyPatch, ask_twice_at_once: Callable[[Study], tuple[int, int]]
+    monkeypatch: pytest.MonkeyPatch, ask_twice_at_once: Callable[[MaskProposals], tuple[int, int]]
 ) -> None:
     network = Scripted([(0, 0, 40, 40)])
-    quick = Scripted.look
+    quick = Scripted.embed
 
     def slow(self: Scripted, photo: np.ndarray) -> Glance:
         sleep(0.2)
         return quick(self, photo)
 
-    monkeypatch.setattr(Scripted, "look", slow)
-    assert ask_twice_at_once(scripted_segmenter(network).study(BLANK, ())) == (1, 1)
+    monkeypatch.setattr(Scripted, "embed", slow)
+    assert ask_twice_at_once(scripted_segmenter(network).proposals(BLANK, ())) == (1, 1)
     assert network.looks == 1
 
 
@@ -327,19 +335,21 @@ def test_of_photo_and_crops_only_the_photo_is_remembered(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     network = Scripted([(0, 0, 40, 40)], photo_hw=(128, 128))
-    settings = SegmentSettings(points_per_side=4, crop_layers=1)
-    monkeypatch.setattr(Scripted, "ask", lambda *_: (torch.zeros(0, 2, 2), torch.zeros(0)))
-    study = AutomaticSegmenter(name="scripted", network=network, settings=settings).study(BLANK, ())
+    settings = SegmentSettings(points_per_side=4, crop_n_layers=1)
+    monkeypatch.setattr(Scripted, "predict", lambda *_: (torch.zeros(0, 2, 2), torch.zeros(0)))
+    study = AutomaticSegmenter(name="scripted", network=network, settings=settings).proposals(
+        BLANK, ()
+    )
     where = np.zeros((128, 128), dtype=bool)
     where[:20, :20] = True
     for place, looks in ((where, 2), (None, 2 + 4), (where, 2 + 4 + 1)):
-        study.outlines(place)
+        study.segments(place)
         assert (network.looks, study.size_bytes) == (looks, Glance.size_bytes)
 
 
 def test_a_mask_of_one_object_is_returned_once_and_the_best_first() -> None:
     network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
-    found = scripted_segmenter(network).study(BLANK, ()).outlines(None)
+    found = scripted_segmenter(network).proposals(BLANK, ()).segments(None)
     assert [segment.bbox_xywh for segment in found] == [(0, 0, 40, 40), (80, 80, 40, 40)]
 
 
@@ -351,31 +361,31 @@ def test_of_one_object_seen_in_the_whole_photo_and_in_a_crop_the_crops_mask_stay
     class Zooming:
         """Sees a square; of the whole photo one column too few."""
 
-        pred_iou = 0.0
+        pred_iou_thresh = 0.0
 
-        def look(self, photo: np.ndarray) -> Window:
+        def embed(self, photo: np.ndarray) -> Window:
             return Window(photo)
 
-        def ask(self, look: Window, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+        def predict(self, look: Window, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
             maps = np.full((len(points_xy), *look.size_hw), -5.0)
             whole = look.size_hw == (128, 128)
             maps[:, 30:60, 30 : 59 if whole else 60] = 5.0  # the first crop begins at 0, 0
             return torch.from_numpy(maps), torch.full((len(points_xy),), 0.9 if whole else 0.5)
 
-        def enlarge(self, look: Window, logits: Tensor) -> Tensor:
+        def upscale_masks(self, look: Window, logits: Tensor) -> Tensor:
             return logits
 
     where = np.zeros((128, 128), dtype=bool)
     where[:20, :20] = True  # of the crops only the first is wanted
-    settings = SegmentSettings(points_per_side=4, crop_layers=1)
+    settings = SegmentSettings(points_per_side=4, crop_n_layers=1)
     segmenter = AutomaticSegmenter(name="zooming", network=Zooming(), settings=settings)
-    (only,) = segmenter.study(BLANK, ()).outlines(where)
+    (only,) = segmenter.proposals(BLANK, ()).segments(where)
     assert only.bbox_xywh == (30, 30, 30, 30)
 
 
 def test_specks_are_removed_and_what_became_alike_is_one() -> None:
     class Specked(Scripted):
-        def enlarge(self, look: Glance, logits: Tensor) -> Tensor:
+        def upscale_masks(self, look: Glance, logits: Tensor) -> Tensor:
             speckled = logits.clone()
             speckled[:, 20:22, 20:22] *= -1  # a hole in the object
             speckled[:, 100, 100] *= -1  # an island far away
@@ -384,8 +394,8 @@ def test_specks_are_removed_and_what_became_alike_is_one() -> None:
     segmenter = AutomaticSegmenter(
         name="scripted",
         network=Specked([(0, 0, 40, 40)]),
-        settings=SegmentSettings(points_per_side=4, min_speck_px=5),
+        settings=SegmentSettings(points_per_side=4, min_mask_region_area=5),
     )
-    (only,) = segmenter.study(BLANK, ()).outlines(None)
+    (only,) = segmenter.proposals(BLANK, ()).segments(None)
     assert only.bbox_xywh == (0, 0, 40, 40)
     assert only.area_px == 1600

@@ -9,7 +9,7 @@ import torch
 from zeroscd.encoders.lite import load as load_encoder
 from zeroscd.errors import WeightsError
 from zeroscd.images.grid import PatchGrid
-from zeroscd.images.working import resize, working_size
+from zeroscd.images.resizing import resize, working_size
 from zeroscd.records import FeatureMap
 from zeroscd.segmenters import boundary
 from zeroscd.segmenters.boundary import (

@@ -46,15 +46,15 @@ class ByPoint:
     """
 
     script: dict[bytes, list[Mask]]
-    pred_iou: float = 0.0
+    pred_iou_thresh: float = 0.0
     points: int = 0
     looked_at: list[bytes] = field(default_factory=list)
 
-    def look(self, photo: Rgb) -> Remembered:
+    def embed(self, photo: Rgb) -> Remembered:
         self.looked_at.append(photo.tobytes())
         return Remembered(photo)
 
-    def ask(self, look: Remembered, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+    def predict(self, look: Remembered, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
         self.points += len(points_xy)
         columns, rows = np.floor(points_xy).astype(int).T
         hit = [mask for mask in self.script[look.photo.tobytes()] if mask[rows, columns].any()]
@@ -63,7 +63,7 @@ class ByPoint:
         logits = torch.from_numpy(np.where(np.stack(hit), np.float32(5), np.float32(-5)))
         return logits, torch.tensor([1 / (1 + mask.sum()) for mask in hit])
 
-    def enlarge(self, look: Remembered, logits: Tensor) -> Tensor:
+    def upscale_masks(self, look: Remembered, logits: Tensor) -> Tensor:
         return logits
 
 
@@ -158,7 +158,7 @@ def test_a_photo_is_shown_to_the_segmenter_once_in_all_its_pairs_and_under_all_t
     network = ByPoint(script_of(drawn, things_only=False))
     segmenter = AutomaticSegmenter(name="scripted", network=network, settings=settings.segment)
     detector = Detector(settings, Models(toy_encoder, segmenter))
-    before, after = detector.look([drawn.before, drawn.after])
+    before, after = detector.encode([drawn.before, drawn.after])
     forth, back = detector.compare(before, after), detector.compare(after, before)
     found = [detector.decide(forth, settings.override({"tau": tau})) for tau in (0.3, 0.9)]
     found.append(detector.decide(back))

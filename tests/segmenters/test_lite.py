@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.records import FeatureMap, Segments
-    from zeroscd.segmenters.port import Study
+    from zeroscd.segmenters.port import MaskProposals
 
 SETTINGS = Settings(side_px=192)
 
@@ -34,7 +34,7 @@ def cut() -> Callable[..., Segments]:
 
     def segments(photo: Rgb, where: Mask | None = None) -> Segments:
         (maps,) = encoder.encode([photo])
-        return segmenter.study(photo, maps).outlines(where)
+        return segmenter.proposals(photo, maps).segments(where)
 
     return segments
 
@@ -112,7 +112,7 @@ def tree_of_four() -> Hierarchy:
 
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.integers(0, 12))
 def test_the_outlines_are_the_nodes_of_the_tree_that_fit(
-    seed: int, everywhere: Any, least_px: int
+    seed: int, everywhere: Any, min_area_px: int
 ) -> None:
     rng = np.random.default_rng(seed)
     leaf_of = rng.integers(0, 4, (6, 7)).astype(np.int32)
@@ -122,9 +122,9 @@ def test_the_outlines_are_the_nodes_of_the_tree_that_fit(
     for first, last in zip(tree.first, tree.last, strict=True):
         mask = (leaf_of >= first) & (leaf_of < last)
         wanted = mask if where is None else mask & where
-        if max(least_px, 1) <= mask.sum() <= lite.LARGEST_SHARE * mask.size and wanted.any():
+        if max(min_area_px, 1) <= mask.sum() <= lite.LARGEST_SHARE * mask.size and wanted.any():
             expected.append(mask)
-    found = list(lite._outlines(tree, leaf_of, where=where, least_px=least_px))
+    found = list(lite._outlines(tree, leaf_of, where=where, min_area_px=min_area_px))
     assert len(found) == len(expected)
     for outline, mask in zip(found, expected, strict=True):
         np.testing.assert_array_equal(outline.mask((6, 7)), mask)
@@ -157,20 +157,20 @@ def test_the_tree_is_grown_once_for_all_places_that_are_asked_about(
     photo, ball = ball_on_wall
     (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
     segmenter = load_segmenter(SETTINGS, "cpu")
-    fresh = [one.bbox_xywh for one in segmenter.study(photo, maps).outlines(ball)]
-    study = segmenter.study(photo, maps)
+    fresh = [one.bbox_xywh for one in segmenter.proposals(photo, maps).segments(ball)]
+    study = segmenter.proposals(photo, maps)
     assert study.size_bytes == 0
-    everywhere = len(study.outlines(None))
+    everywhere = len(study.segments(None))
     assert study.size_bytes > maps[0].grid.size_hw[0]
     monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", None)
-    assert [one.bbox_xywh for one in study.outlines(ball)] == fresh
+    assert [one.bbox_xywh for one in study.segments(ball)] == fresh
     assert 0 < len(fresh) < everywhere
 
 
 def test_threads_that_share_a_photo_wait_for_the_one_tree(
     ball_on_wall: tuple[Rgb, Mask],
     monkeypatch: pytest.MonkeyPatch,
-    ask_twice_at_once: Callable[[Study], tuple[int, int]],
+    ask_twice_at_once: Callable[[MaskProposals], tuple[int, int]],
 ) -> None:
     photo, _ = ball_on_wall
     (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
@@ -182,7 +182,7 @@ def test_threads_that_share_a_photo_wait_for_the_one_tree(
         return build_hierarchy(borders)
 
     monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", slow)
-    one, other = ask_twice_at_once(load_segmenter(SETTINGS, "cpu").study(photo, maps))
+    one, other = ask_twice_at_once(load_segmenter(SETTINGS, "cpu").proposals(photo, maps))
     assert one == other > 0
     assert len(grown) == 1
 
@@ -192,5 +192,5 @@ def test_depths_may_come_in_any_order(ball_on_wall: tuple[Rgb, Mask]) -> None:
     maps: tuple[FeatureMap, ...]
     (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
     segmenter = load_segmenter(SETTINGS, "cpu")
-    forth, back = (segmenter.study(photo, m).outlines(None) for m in (maps, maps[::-1]))
+    forth, back = (segmenter.proposals(photo, m).segments(None) for m in (maps, maps[::-1]))
     assert [s.bbox_xywh for s in forth] == [s.bbox_xywh for s in back]

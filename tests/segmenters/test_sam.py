@@ -251,10 +251,10 @@ def test_a_file_in_its_place_is_loaded_and_answers_as_the_network_that_wrote_it(
     torch.save({"model": published(model.float(), kind)}, file)
     monkeypatch.setattr(sam, "require", lambda names: dict.fromkeys(names, file))
     monkeypatch.setattr(sam, "build", lambda _: request.getfixturevalue(f"bare_{kind}")())
-    chosen = SegmentSettings(points_per_side=4, pred_iou=-9.0, stability=0.0)
+    chosen = SegmentSettings(points_per_side=4, pred_iou_thresh=-9.0, stability_score_thresh=0.0)
     settings = Settings(segmenter=name, segment=chosen)
-    loaded = sam.load(settings, "cpu").study(photo, ()).outlines(None)
-    written = sam.wrap(model, settings).study(photo, ()).outlines(None)
+    loaded = sam.load(settings, "cpu").proposals(photo, ()).segments(None)
+    written = sam.wrap(model, settings).proposals(photo, ()).segments(None)
     assert len(written) > 1
     assert [one.bits.tobytes() for one in loaded] == [one.bits.tobytes() for one in written]
 
@@ -264,7 +264,7 @@ def test_every_sam_in_the_registry_has_a_form() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "kind_of_network", "pred_iou"),
+    ("name", "kind_of_network", "pred_iou_thresh"),
     [
         ("sam-vit-h", SamNetwork, 0.88),
         ("mobile-sam", SamNetwork, 0.88),
@@ -272,15 +272,17 @@ def test_every_sam_in_the_registry_has_a_form() -> None:
     ],
 )
 def test_a_segmenter_takes_grid_filters_and_precision_from_the_settings(
-    name: str, kind_of_network: type, pred_iou: float
+    name: str, kind_of_network: type, pred_iou_thresh: float
 ) -> None:
     settings = Settings(
-        segmenter=name, precision="bf16", segment=SegmentSettings(points_per_side=5, crop_layers=2)
+        segmenter=name,
+        precision="bf16",
+        segment=SegmentSettings(points_per_side=5, crop_n_layers=2),
     )
     segmenter = sam.wrap(None, settings)
     assert segmenter.name == name
     assert isinstance(segmenter.network, kind_of_network)
     assert isinstance(segmenter.network, Network)
     assert segmenter.network.half
-    assert segmenter.network.pred_iou == pred_iou
-    assert (segmenter.settings.points_per_side, segmenter.settings.crop_layers) == (5, 2)
+    assert segmenter.network.pred_iou_thresh == pred_iou_thresh
+    assert (segmenter.settings.points_per_side, segmenter.settings.crop_n_layers) == (5, 2)

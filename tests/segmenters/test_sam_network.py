@@ -50,9 +50,13 @@ def test_sam2s_pixels_equal_an_antialiased_squeeze_by_pillow(size_hw: tuple[int,
 
 
 def test_a_look_says_how_much_memory_it_holds(network: Sams, photo: np.ndarray) -> None:
-    look = network.look(photo)
-    held = {one.untyped_storage().data_ptr(): one for one in tensors_in(look)}
-    assert look.size_bytes == sum(one.untyped_storage().nbytes() for one in held.values()) > 10_000
+    embedding = network.embed(photo)
+    held = {one.untyped_storage().data_ptr(): one for one in tensors_in(embedding)}
+    assert (
+        embedding.size_bytes
+        == sum(one.untyped_storage().nbytes() for one in held.values())
+        > 10_000
+    )
 
 
 def tensors_in(thing: object) -> Iterator[Tensor]:
@@ -73,23 +77,23 @@ def test_answers_come_three_to_a_point_in_the_order_of_the_points(
     network: Sams,
 ) -> None:
     photo = np.random.default_rng(0).integers(0, 256, (90, 120, 3), dtype=np.uint8)
-    look = network.look(photo)
+    embedding = network.embed(photo)
     points = np.array([[10.0, 20.0], [100.0, 70.0]])
-    logits, scores = network.ask(look, points)
+    logits, scores = network.predict(embedding, points)
     assert logits.shape[0] == scores.shape[0] == 6
-    alone, its_scores = network.ask(look, points[1:])
+    alone, its_scores = network.predict(embedding, points[1:])
     torch.testing.assert_close(logits[3:], alone)
     torch.testing.assert_close(scores[3:], its_scores)
 
 
 def test_enlarged_logits_show_each_place_where_it_is(network: Sams) -> None:
     photo = np.zeros((90, 120, 3), dtype=np.uint8)
-    look = network.look(photo)
+    embedding = network.embed(photo)
     side = 32  # of the low-resolution maps of this tiny network: 128 / 4
     columns = (torch.arange(side) + 0.5) / side  # of the square, 0..1
     ramp = columns.expand(1, side, side).double()
-    wide = network.enlarge(look, ramp)[0]
-    tall = network.enlarge(look, ramp.transpose(1, 2))[0]
+    wide = network.upscale_masks(embedding, ramp)[0]
+    tall = network.upscale_masks(embedding, ramp.transpose(1, 2))[0]
     assert wide.shape == (90, 120)
     inner = slice(8, -8)  # at the edges interpolation repeats the last value
     seen_rows = 96 / 128 if isinstance(network, SamNetwork) else 1.0
@@ -106,10 +110,10 @@ def test_half_precision_gives_nearly_the_same_masks(network: Sams) -> None:
     masks = []
     for half in (False, True):
         chosen = replace(network, model=model, half=half)
-        look = chosen.look(photo)
-        logits, _ = chosen.ask(look, points)
+        embedding = chosen.embed(photo)
+        logits, _ = chosen.predict(embedding, points)
         assert logits.dtype == torch.float32
-        masks.append(chosen.enlarge(look, logits) > 0)
+        masks.append(chosen.upscale_masks(embedding, logits) > 0)
     both, either = (masks[0] & masks[1]).sum(), (masks[0] | masks[1]).sum()
     assert both < either  # it did compute in another precision
     assert both / either > 0.9

@@ -43,7 +43,7 @@ PLAIN: dict[str, object] = {
     "alpha": 0.6,
     "verify": "off",
     "kinds": "frame",
-    "least_peak": 0.0,
+    "min_peak": 0.0,
 }
 # Small enough to be met in a test.
 TIGHT = Limits(

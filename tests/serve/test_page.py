@@ -13,30 +13,30 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from zeroscd.export.words import summary
-from zeroscd.serve.page.actions import Actions, Wish
+from zeroscd.export.summary import summary
+from zeroscd.serve.page.actions import Actions, PageControls
+from zeroscd.serve.page.cached_result import CachedResult, weigh
 from zeroscd.serve.page.files import DOWNLOADS, FILES
-from zeroscd.serve.page.kept import Kept, weigh
 from zeroscd.serve.page.viewer import place, render
 from zeroscd.serve.service import PhotoPair
 from zeroscd.serve.shelf import Shelf
-from zeroscd.serve.worker import Ticket
+from zeroscd.serve.worker import CancelToken
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator
 
     from zeroscd.serve.page.actions import Shown
 
-WISH = Wish("toy", "t1", 50, 0.6, 0)
+WISH = PageControls("toy", "t1", 50, 0.6, 0)
 
 
 @pytest.fixture
-def kept(make_service: Callable[..., Any], pair: Any) -> Kept:
+def kept(make_service: Callable[..., Any], pair: Any) -> CachedResult:
     """The drawn pair, compared."""
     service, _ = make_service()
     ask = service.ask(None, {})
-    evidence = service.gather(PhotoPair(pair.before, pair.after), ask, Ticket())
-    return Kept.of(ask, evidence, service.decide(evidence, ask), version=3)
+    evidence = service.gather(PhotoPair(pair.before, pair.after), ask, CancelToken())
+    return CachedResult.of(ask, evidence, service.decide(evidence, ask), version=3)
 
 
 class Desk:
@@ -44,8 +44,8 @@ class Desk:
 
     def __init__(self, service: Any, encoder: Any) -> None:
         self.encoder = encoder
-        self.photos: Shelf[bytes] = Shelf(most_weight=10**9, seconds=99)
-        self.results: Shelf[Kept] = Shelf(most_weight=10**9, seconds=99)
+        self.photos: Shelf[bytes] = Shelf(max_weight=10**9, seconds=99)
+        self.results: Shelf[CachedResult] = Shelf(max_weight=10**9, seconds=99)
         self.actions = Actions(service, self.photos, self.results)
 
 
@@ -155,7 +155,7 @@ class Outline(HTMLParser):
         return [attributes for name, attributes in self.tags if name == tag]
 
 
-def test_the_viewer_names_everything_it_shows(kept: Kept) -> None:
+def test_the_viewer_names_everything_it_shows(kept: CachedResult) -> None:
     text = render(kept, "NAME")
     outline = Outline(text)
     assert all(image["alt"] for image in outline.all("img"))
@@ -170,7 +170,7 @@ def test_the_viewer_names_everything_it_shows(kept: Kept) -> None:
     assert len([a for a in outline.all("a") if "download" in a]) == len(DOWNLOADS)
 
 
-def test_warnings_are_shown_in_words(kept: Kept) -> None:
+def test_warnings_are_shown_in_words(kept: CachedResult) -> None:
     unknown = np.ones_like(kept.result.unknown)
     darkened = replace(kept, result=replace(kept.result, unknown=unknown))
     assert "visible in both photos" in render(darkened, "n")
@@ -178,7 +178,7 @@ def test_warnings_are_shown_in_words(kept: Kept) -> None:
     assert 'class="z-warning"' not in render(kept, "n")
 
 
-def test_a_place_is_named_by_thirds(kept: Kept) -> None:
+def test_a_place_is_named_by_thirds(kept: CachedResult) -> None:
     region = kept.result.regions[0]
     places = [
         place(replace(region, bbox_xywh=box), (90, 90))
@@ -187,7 +187,7 @@ def test_a_place_is_named_by_thirds(kept: Kept) -> None:
     assert places == ["top left", "centre", "middle right", "bottom left"]
 
 
-def test_every_file_is_what_its_name_says(kept: Kept) -> None:
+def test_every_file_is_what_its_name_says(kept: CachedResult) -> None:
     for name, file in FILES.items():
         content = file.content(kept)
         if name.endswith((".png", ".jpg")):
@@ -201,16 +201,18 @@ def test_every_file_is_what_its_name_says(kept: Kept) -> None:
     assert np.array_equal(mask > 0, kept.result.mask)
 
 
-def test_weight_is_the_bytes_of_all_arrays(kept: Kept) -> None:
+def test_weight_is_the_bytes_of_all_arrays(kept: CachedResult) -> None:
     assert weigh(kept.result.before) == kept.result.before.pixels.nbytes
     assert weigh(kept) > weigh(kept.evidence) + weigh(kept.result) > 2 * weigh(kept.result.before)
 
 
-def test_what_the_segmenter_remembers_of_the_photos_counts_too(kept: Kept) -> None:
-    views = (kept.evidence.pair.view_t0, kept.evidence.pair.view_t1)
+def test_what_the_segmenter_remembers_of_the_photos_counts_too(kept: CachedResult) -> None:
+    views = (kept.evidence.pair.photo_t0, kept.evidence.pair.photo_t1)
     for size_bytes in (1000, np.int64(1000)):
-        study: Any = SimpleNamespace(size_bytes=size_bytes)  # the tiles of these photos take none
-        grown = [replace(view, study=study) for view in views]
+        proposals: Any = SimpleNamespace(
+            size_bytes=size_bytes
+        )  # the tiles of these photos take none
+        grown = [replace(view, proposals=proposals) for view in views]
         assert [weigh(view) + 1000 for view in views] == [weigh(view) for view in grown]
 
 

@@ -19,7 +19,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def shelf(clock: Clock) -> Shelf[str]:
-    return Shelf(most_weight=10, seconds=100, clock=clock)
+    return Shelf(max_weight=10, seconds=100, clock=clock)
 
 
 def test_what_is_put_can_be_had_again(shelf: Shelf[str]) -> None:

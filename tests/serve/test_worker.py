@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from zeroscd.serve.problems import Problem
-from zeroscd.serve.worker import Ticket, Worker
+from zeroscd.serve.worker import CancelToken, Worker
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def worker() -> Iterator[Worker]:
-    made = Worker(most_waiting=2)
+    made = Worker(max_waiting=2)
     yield made
     made.stop()
 
@@ -84,8 +84,8 @@ def test_an_accident_reaches_whoever_waits_and_nobody_else(worker: Worker) -> No
 
 
 def test_a_ticket_stops_work_for_nobody() -> None:
-    ticket = Ticket()
-    ticket.check()
-    ticket.give_up()
+    cancel_token = CancelToken()
+    cancel_token.check()
+    cancel_token.give_up()
     with pytest.raises(CancelledError):
-        ticket.check()
+        cancel_token.check()

@@ -15,7 +15,7 @@ from zeroscd.detector import Detector
 from zeroscd.models import Models
 from zeroscd.retrieval import PlaceIndex
 from zeroscd.settings import Settings
-from zeroscd.survey.findings import Finding
+from zeroscd.survey.compared_pairs import ComparedPair
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -137,14 +137,14 @@ def pair() -> Callable[..., dict[str, Any]]:
 
 
 @pytest.fixture(scope="session")
-def finding() -> Callable[..., Finding]:
+def compared_pair() -> Callable[..., ComparedPair]:
     """A pair of a name and place, with one change of a score."""
 
     def make(
         name: str, *, at: tuple[float, float] | None = (52.0, 0.0), score: float = 0.5
-    ) -> Finding:
+    ) -> ComparedPair:
         latitude, longitude = at or (None, None)
-        return Finding(
+        return ComparedPair(
             make_pair(pair=name, latitude=latitude, longitude=longitude),
             (make_change(pair=name, score=score),),
         )

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from zeroscd.survey.findings import Finding
+from zeroscd.survey.compared_pairs import ComparedPair
+from zeroscd.survey.matching import PhotoMatch
 from zeroscd.survey.page import Content, render_page
-from zeroscd.survey.sighting import Sighting
 from zeroscd.survey.thumbs import draw_thumbs
 
 if TYPE_CHECKING:
@@ -40,11 +40,11 @@ def report(tmp_path: Path, pair: Callable[..., Any], change: Callable[..., Any])
         )
         frame = "t0" if kind == "removed" else "t1"
         found = change(kind=kind, frame=frame, score=1 - number / PLACES)
-        cards.append(Finding(row, (found,)))
+        cards.append(ComparedPair(row, (found,)))
     content = Content(
         cards=cards,
         thumbs=draw_thumbs(cards, tmp_path),
-        sightings=[Sighting(new="new.jpg", old="old.jpg")],
+        matches=[PhotoMatch(new="new.jpg", old="old.jpg")],
         failures=(),
         reports=frozenset(),
         everything=PLACES,

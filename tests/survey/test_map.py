@@ -26,11 +26,15 @@ def height_of(svg: str) -> float:
     return float(found[1])
 
 
-def test_north_is_up_east_is_right_and_distances_are_true(finding: Callable[..., Any]) -> None:
+def test_north_is_up_east_is_right_and_distances_are_true(
+    compared_pair: Callable[..., Any],
+) -> None:
     middle = (60.0, 10.0)
     north = (60.0 + 300 / DEGREE_M, 10.0)
     east = (60.0, 10.0 + 2 * 400 / DEGREE_M)  # a degree of longitude is half as long there
-    svg = draw_map([finding("m", at=middle), finding("n", at=north), finding("e", at=east)])
+    svg = draw_map(
+        [compared_pair("m", at=middle), compared_pair("n", at=north), compared_pair("e", at=east)]
+    )
     found = dots(svg)
     assert found[2][0] == pytest.approx(found[1][0], abs=0.2)
     assert found[2][1] < found[1][1]
@@ -41,8 +45,10 @@ def test_north_is_up_east_is_right_and_distances_are_true(finding: Callable[...,
     )
 
 
-def test_the_scale_bar_is_as_long_as_it_says(finding: Callable[..., Any]) -> None:
-    svg = draw_map([finding("a", at=(0.0, 0.0)), finding("b", at=(0.0, 880 / DEGREE_M))])
+def test_the_scale_bar_is_as_long_as_it_says(compared_pair: Callable[..., Any]) -> None:
+    svg = draw_map(
+        [compared_pair("a", at=(0.0, 0.0)), compared_pair("b", at=(0.0, 880 / DEGREE_M))]
+    )
     found = dots(svg)
     bar = re.search(r"M20,[\d.]+v10H([\d.]+)v-10", svg)
     assert bar is not None
@@ -52,15 +58,15 @@ def test_the_scale_bar_is_as_long_as_it_says(finding: Callable[..., Any]) -> Non
     assert ">200 m<" in svg
 
 
-def test_the_worst_place_is_largest_and_drawn_last(finding: Callable[..., Any]) -> None:
-    svg = draw_map([finding("a", score=0.9), finding("b", score=0.1)])
+def test_the_worst_place_is_largest_and_drawn_last(compared_pair: Callable[..., Any]) -> None:
+    svg = draw_map([compared_pair("a", score=0.9), compared_pair("b", score=0.1)])
     found = dots(svg)
     assert found[1][2] > found[2][2]
     assert svg.index('data-place="1"') > svg.index('data-place="2"')
 
 
-def test_nothing_tears_at_the_date_line(finding: Callable[..., Any]) -> None:
-    svg = draw_map([finding("w", at=(0.0, 179.999)), finding("e", at=(0.0, -179.999))])
+def test_nothing_tears_at_the_date_line(compared_pair: Callable[..., Any]) -> None:
+    svg = draw_map([compared_pair("w", at=(0.0, 179.999)), compared_pair("e", at=(0.0, -179.999))])
     found = dots(svg)
     assert found[1][0] < found[2][0]
     assert ">50 m<" in svg  # the two are 222 metres apart
@@ -70,18 +76,18 @@ def test_nothing_tears_at_the_date_line(finding: Callable[..., Any]) -> None:
     st.lists(st.tuples(st.floats(-80, 80), st.floats(-170, 170)), min_size=1, max_size=6),
 )
 def test_every_dot_lies_in_the_drawing(
-    finding: Callable[..., Any], places: list[tuple[float, float]]
+    compared_pair: Callable[..., Any], places: list[tuple[float, float]]
 ) -> None:
-    svg = draw_map([finding(str(number), at=at) for number, at in enumerate(places)])
+    svg = draw_map([compared_pair(str(number), at=at) for number, at in enumerate(places)])
     height = height_of(svg)
     for x, y, _ in dots(svg).values():
         assert 0 <= x <= WIDTH
         assert 0 <= y <= height
 
 
-def test_places_that_nobody_knows_are_no_dots(finding: Callable[..., Any]) -> None:
-    assert draw_map([finding("a", at=None)]).startswith('<p class="none">No photo says where')
-    assert list(dots(draw_map([finding("a", at=None), finding("b")]))) == [2]
+def test_places_that_nobody_knows_are_no_dots(compared_pair: Callable[..., Any]) -> None:
+    assert draw_map([compared_pair("a", at=None)]).startswith('<p class="none">No photo says where')
+    assert list(dots(draw_map([compared_pair("a", at=None), compared_pair("b")]))) == [2]
 
 
 @given(st.floats(1e-3, 1e6))

@@ -5,9 +5,9 @@ from html.parser import HTMLParser
 from typing import TYPE_CHECKING, Any
 
 from zeroscd.survey import page as module
-from zeroscd.survey.findings import Finding
+from zeroscd.survey.compared_pairs import ComparedPair
+from zeroscd.survey.matching import PhotoMatch
 from zeroscd.survey.page import Content, render_page
-from zeroscd.survey.sighting import Sighting
 from zeroscd.survey.thumbs import Thumb
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pytest
 
 THUMBS = (Thumb("thumbs/x-before.jpg", (100, 200)), Thumb(None, (3, 4)))
-SIGHTING = Sighting(new="new/elm.jpg", old="old/elm.jpg", score=0.3, inliers=321, metres=4.4)
+SIGHTING = PhotoMatch(new="new/elm.jpg", old="old/elm.jpg", score=0.3, inliers=321, metres=4.4)
 
 
 class Reader(HTMLParser):
@@ -43,12 +43,12 @@ class Reader(HTMLParser):
 
 
 def content(
-    *cards: Finding, failures: tuple[dict[str, str], ...] = (), everything: int = 5
+    *cards: ComparedPair, failures: tuple[dict[str, str], ...] = (), everything: int = 5
 ) -> Content:
     return Content(
         cards=cards,
         thumbs={card.name: THUMBS for card in cards},
-        sightings=[SIGHTING, Sighting(new="b.jpg", reason="none")],
+        matches=[SIGHTING, PhotoMatch(new="b.jpg", reason="none")],
         failures=failures,
         reports=frozenset({"elm"}),
         everything=everything,
@@ -59,7 +59,7 @@ def test_a_place_shows_both_photos_its_outlines_and_how_it_was_found(
     pair: Callable[..., Any], change: Callable[..., Any]
 ) -> None:
     removed = change(kind="removed", frame="t0", region=2, score=0.25)
-    read = Reader(render_page(content(Finding(pair(), (change(), removed)))))
+    read = Reader(render_page(content(ComparedPair(pair(), (change(), removed)))))
     (card,) = read.all("li")
     assert card["data-score"] == "0.5000"
     assert {one["data-kind"]: one["data-score"] for one in read.all("g") if "data-kind" in one} == {
@@ -86,7 +86,7 @@ def test_a_place_shows_both_photos_its_outlines_and_how_it_was_found(
 def test_an_outline_of_a_removed_thing_lies_on_the_photo_before(
     pair: Callable[..., Any], change: Callable[..., Any]
 ) -> None:
-    text = render_page(content(Finding(pair(), (change(kind="removed", frame="t0"),))))
+    text = render_page(content(ComparedPair(pair(), (change(kind="removed", frame="t0"),))))
     before, after = re.findall(r'<svg class="shapes".*?</svg>', text)
     assert 'data-kind="removed"' in before
     assert 'd="M10.5,10.5 20.5,10.5 20.5,20.5 10.5,20.5Z"' in before
@@ -96,7 +96,7 @@ def test_an_outline_of_a_removed_thing_lies_on_the_photo_before(
 def test_the_page_loads_nothing_from_anywhere_else(
     pair: Callable[..., Any], change: Callable[..., Any]
 ) -> None:
-    text = render_page(content(Finding(pair(), (change(),))))
+    text = render_page(content(ComparedPair(pair(), (change(),))))
     read = Reader(text)
     addresses = [
         value for _, found in read.tags for key, value in found.items() if key in ("src", "href")
@@ -115,7 +115,7 @@ def test_names_of_files_cannot_become_markup(
     evil = '<img src=x onerror=alert(1)>"&#'
     row = pair(pair=evil, before=evil, after=evil, taken_after=evil)
     failed = ({"after": evil, "id": evil, "error": evil},)
-    read = Reader(render_page(content(Finding(row, (change(),)), failures=failed)))
+    read = Reader(render_page(content(ComparedPair(row, (change(),)), failures=failed)))
     assert not [found for _, found in read.tags if "onerror" in found]
     assert read.all("li")[0]["data-name"] == evil
 
@@ -131,7 +131,7 @@ def test_photos_without_a_match_are_listed_with_the_reason() -> None:
 
 
 def test_a_long_list_says_how_many_it_leaves_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST_LISTED", 2)
+    monkeypatch.setattr(module, "MAX_LISTED", 2)
     failed = tuple({"after": f"{n}.jpg", "id": "", "error": "why"} for n in range(5))
     text = Reader(render_page(content(failures=failed))).text
     assert "1.jpg" in text
@@ -142,7 +142,7 @@ def test_a_long_list_says_how_many_it_leaves_out(monkeypatch: pytest.MonkeyPatch
 def test_places_where_nothing_changed_are_counted_and_not_shown(
     pair: Callable[..., Any], change: Callable[..., Any]
 ) -> None:
-    quiet = Finding(pair(pair="oak"), ())
-    read = Reader(render_page(content(Finding(pair(), (change(),)), quiet)))
+    quiet = ComparedPair(pair(pair="oak"), ())
+    read = Reader(render_page(content(ComparedPair(pair(), (change(),)), quiet)))
     assert len(read.all("li")) == 1
     assert "oak" not in read.text

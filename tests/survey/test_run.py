@@ -12,7 +12,7 @@ import pytest
 from pycocotools import mask as coco_mask
 
 from zeroscd.errors import DatasetError
-from zeroscd.survey import Rules, compare, look, survey
+from zeroscd.survey import MatchRules, compare, match_photos, survey
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 # Walls of random blocks agree by chance more often than streets do.
-RULES = Rules(least_score=0.1)
+RULES = MatchRules(min_score=0.1)
 
 
 @pytest.fixture
@@ -99,9 +99,9 @@ def test_a_survey_again_computes_nothing_and_writes_the_same(
         def advance(self, stem: str, *, reused: bool) -> None:
             heard.append((stem, reused))
 
-    sightings = look(photos, index, out, rules=RULES, progress=Ear())
+    matches = match_photos(photos, index, out, rules=RULES, progress=Ear())
     assert [reused for _, reused in heard] == [True] * 3
-    summary = compare(sightings, out, options=options)
+    summary = compare(matches, out, options=options)
     assert summary.batch.reused == 2
     assert {name: (out / name).read_bytes() for name in names} == before
 
@@ -110,10 +110,12 @@ def test_another_index_or_rule_is_looked_up_anew(
     photos: list[Path], index: PlaceIndex, town: Town, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    assert look(photos, index, out, rules=RULES)[2].old is None
+    assert match_photos(photos, index, out, rules=RULES)[2].old is None
     index.add([town.photo("old", 9)])
-    assert look(photos, index, out, rules=RULES)[2].old == str(tmp_path / "old" / "street 9.png")
-    near = look(photos, index, out, rules=replace(RULES, within_m=5.0))
+    assert match_photos(photos, index, out, rules=RULES)[2].old == str(
+        tmp_path / "old" / "street 9.png"
+    )
+    near = match_photos(photos, index, out, rules=replace(RULES, within_m=5.0))
     assert near[2].reason == "there is no old photo within 5 m"
     assert near[0].old is not None
     assert near[0].metres == pytest.approx(0.0, abs=0.1)

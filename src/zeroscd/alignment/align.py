@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.alignment.homography import absurdity, estimate, invert, scaling
+from zeroscd.alignment.guided import PointMatches, guided_match
+from zeroscd.alignment.homography import degeneracy, estimate, invert
 from zeroscd.alignment.matching import match
-from zeroscd.alignment.windowed import PointMatches, match_near
-from zeroscd.result import Alignment, NotAligned
+from zeroscd.records import Alignment, NotAligned
 
 if TYPE_CHECKING:
     from zeroscd.alignment.homography import Estimate
-    from zeroscd.arrays import Homography
     from zeroscd.records import FeatureMap
     from zeroscd.settings import AlignSettings
 
@@ -63,7 +62,7 @@ def _align_in_order(
     level = _matching_level(maps_a)
     points = _match_all(maps_a[level], maps_b[level], settings)
     found = _estimate(points, maps_b[level], settings)
-    reason = _distrust(found, len(points.points_a), settings, sizes_hw=sizes_hw)
+    reason = _rejection_reason(found, len(points.points_a), settings, sizes_hw=sizes_hw)
     if found is None or reason is not None:
         inliers = 0 if found is None else int(found.inliers.sum())
         reason = reason or "no homography fits the matches"
@@ -93,7 +92,7 @@ def _estimate(points: PointMatches, map_b: FeatureMap, settings: AlignSettings) 
     return estimate(points.points_a, points.points_b, tolerance_px=tolerance_px, seed=settings.seed)
 
 
-def _distrust(
+def _rejection_reason(
     found: Estimate | None,
     matches: int,
     settings: AlignSettings,
@@ -110,7 +109,7 @@ def _distrust(
         return f"only {inliers} matches agree on a homography; {settings.min_inliers} are needed"
     if inliers < settings.min_inlier_ratio * matches:
         return f"only {inliers} of {matches} matches agree on a homography"
-    return absurdity(found.b_from_a, size_a_hw=sizes_hw[0], size_b_hw=sizes_hw[1])
+    return degeneracy(found.b_from_a, size_a_hw=sizes_hw[0], size_b_hw=sizes_hw[1])
 
 
 def _sharpen(
@@ -123,7 +122,7 @@ def _sharpen(
 ) -> Estimate:
     """Re-estimate on each finer map; an estimate that makes no sense leaves the last one."""
     for map_a, map_b in zip(finer_a, finer_b, strict=True):
-        points = match_near(
+        points = guided_match(
             map_a,
             map_b,
             found.b_from_a,
@@ -131,15 +130,9 @@ def _sharpen(
             max_points=REFINING_POINTS,
         )
         finer = _estimate(points, map_b, settings)
-        if _distrust(finer, len(points.points_a), settings, sizes_hw=sizes_hw) is None and finer:
+        if (
+            _rejection_reason(finer, len(points.points_a), settings, sizes_hw=sizes_hw) is None
+            and finer
+        ):
             found = finer
     return found
-
-
-def transfer(
-    alignment: Alignment | NotAligned, size_t0_hw: tuple[int, int], size_t1_hw: tuple[int, int]
-) -> Homography:
-    """Return the homography, or edges onto edges where the photos could not be aligned."""
-    if isinstance(alignment, Alignment):
-        return alignment.t1_from_t0
-    return scaling(size_t0_hw, size_t1_hw)

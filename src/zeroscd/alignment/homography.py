@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import cv2
 import numpy as np
 
+from zeroscd.records import Alignment
+
 if TYPE_CHECKING:
     from zeroscd.arrays import Homography, Mask, PointsXy
+    from zeroscd.records import NotAligned
 
 MINIMAL_POINTS = 4  # a homography has eight degrees of freedom
 RANSAC_ITERATIONS = 5000  # enough for 99.99 % certainty at 30 % inliers
@@ -102,7 +105,7 @@ def estimate(
     return Estimate(b_from_a / b_from_a[2, 2], inliers.ravel().astype(bool))
 
 
-def absurdity(
+def degeneracy(
     b_from_a: Homography, *, size_a_hw: tuple[int, int], size_b_hw: tuple[int, int]
 ) -> str | None:
     """Say why a homography cannot relate two photos of one place; None when it can.
@@ -124,6 +127,15 @@ def absurdity(
     if not 1 / SCALE_LIMIT**2 < ratio < SCALE_LIMIT**2:
         return f"the homography changes the scale {np.sqrt(ratio):.2g} times"
     return None
+
+
+def homography_or_resize(
+    alignment: Alignment | NotAligned, size_t0_hw: tuple[int, int], size_t1_hw: tuple[int, int]
+) -> Homography:
+    """Return the homography, or edges onto edges where the photos could not be aligned."""
+    if isinstance(alignment, Alignment):
+        return alignment.t1_from_t0
+    return scaling(size_t0_hw, size_t1_hw)
 
 
 def _polygon_area(corners: PointsXy) -> float:

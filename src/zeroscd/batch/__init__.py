@@ -5,7 +5,7 @@ from zeroscd import batch
 summary = batch.run("pairs.csv", "changes")
 """
 
-from zeroscd.batch.desk import Options
+from zeroscd.batch.comparer import Options
 from zeroscd.batch.job import Summary, run
 from zeroscd.batch.local import Local
 from zeroscd.batch.manifest import Manifest, open_folders, open_manifest

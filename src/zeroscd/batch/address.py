@@ -8,13 +8,14 @@ from threading import BoundedSemaphore, Thread
 from typing import TYPE_CHECKING, NoReturn
 
 from zeroscd.errors import ImageError
-from zeroscd.images.read import DEFAULT_LIMITS, one_line, read_file
+from zeroscd.images.read import DEFAULT_LIMITS, read_file
+from zeroscd.text import one_line
 
 if TYPE_CHECKING:
     from zeroscd.images.read import PhotoLimits
 
 # Requests in flight, answered or hanging. A thread that hangs cannot be ended, only not repeated.
-MOST_REQUESTS = 64
+MAX_REQUESTS = 64
 LONGEST_REASON = 200  # characters of another library's message
 
 
@@ -53,7 +54,7 @@ class Fetcher:
     def __init__(self, timeout_s: float, *, limits: PhotoLimits = DEFAULT_LIMITS) -> None:
         self._timeout_s = timeout_s
         self._limits = limits
-        self._slots = BoundedSemaphore(MOST_REQUESTS)
+        self._slots = BoundedSemaphore(MAX_REQUESTS)
 
     def __call__(self, address: str) -> bytes:
         """Return a file's bytes.

@@ -11,10 +11,10 @@ from importlib import import_module
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from zeroscd.batch.desk import Desk
-from zeroscd.batch.local import settle_all
+from zeroscd.batch.comparer import PairComparer
+from zeroscd.batch.local import run_all
+from zeroscd.device import threads
 from zeroscd.errors import SettingsError, ZeroscdError
-from zeroscd.models import threads
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from zeroscd.batch.desk import Options
+    from zeroscd.batch.comparer import Options
     from zeroscd.batch.task import Outcome, Task
 
 # What one actor is handed at a time, and loses if it dies: neighbours in the manifest often share
@@ -51,7 +51,7 @@ class Ray:
     concurrency: int | None = None
     address: str | None = None
 
-    def settle(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
+    def run(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
         """Yield the outcomes as they come. Actors that die are replaced, their tasks repeated.
 
         Raises:
@@ -67,9 +67,9 @@ class Ray:
             share = max(1, int(resources.get("CPU", 1)) // actors)
             # A new pool a window costs seconds in hours.
             while window := list(islice(remaining, WINDOW)):
-                yield from self._settle_window(ray, window, (options, share), actors=actors)
+                yield from self._run_window(ray, window, (options, share), actors=actors)
 
-    def _settle_window(
+    def _run_window(
         self, ray: ModuleType, window: list[Task], given: tuple[Options, int], *, actors: int
     ) -> Iterator[Outcome]:
         blocks = [_pack(window[start : start + BLOCK]) for start in range(0, len(window), BLOCK)]
@@ -93,7 +93,7 @@ class Actor:
     def __init__(self, options: Options, cores: int) -> None:
         self._options = options
         self._cores = cores
-        self._desk: Desk | None = None
+        self._desk: PairComparer | None = None
 
     def __call__(self, block: pa.Table) -> Iterator[pa.Table]:
         """Settle a block of tasks; what would fail for all of them travels back as a value.
@@ -101,9 +101,9 @@ class Actor:
         An exception would do so as well, but wrapped by Ray in its own and its traceback.
         """
         try:
-            self._desk = self._desk or Desk(self._options)
+            self._desk = self._desk or PairComparer(self._options)
             with threads(self._cores):
-                for outcome in settle_all(_unpack(block), self._desk, workers=1):
+                for outcome in run_all(_unpack(block), self._desk, workers=1):
                     yield _pack([outcome])
         except ZeroscdError as error:
             yield _pack([error])

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from zeroscd.batch.desk import Options
+from zeroscd.batch.comparer import Options
 from zeroscd.batch.journal import CHANGES, PAIRS, Journal
 from zeroscd.batch.local import Local
 from zeroscd.batch.manifest import open_manifest
 from zeroscd.errors import ZeroscdError
 from zeroscd.export.files import check_wanted, file_names
-from zeroscd.export.folder import check_target, make_folder, write_together
 from zeroscd.export.table import changes_schema, pairs_schema, write_parquet
+from zeroscd.output import check_target, make_folder, write_together
 from zeroscd.progress import Silent
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class Engine(Protocol):
     """Turns tasks into outcomes: `Local` or `zeroscd.batch.cluster.Ray`."""
 
-    def settle(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
+    def run(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
         """Yield one outcome a task, in any order."""
         ...
 
@@ -98,12 +98,12 @@ def run(
     make_folder(folder)
     with Journal(folder) as journal:
         summary = Summary(pairs=journal.begin(pairs.rows()))
-        listener.begin(journal.unsettled())
+        listener.begin(journal.remaining())
         tasks = journal.tasks(base=pairs.base, folder=folder, files=file_names(chosen.write))
-        for outcome in (engine or Local()).settle(tasks, chosen):
+        for outcome in (engine or Local()).run(tasks, chosen):
             if outcome.files:
                 write_together(folder / outcome.name, outcome.files)
-            journal.settle(outcome)
+            journal.record(outcome)
             summary.count(outcome)
             listener.advance(outcome.name, reused=outcome.reused)
         _require_all(journal)
@@ -112,7 +112,7 @@ def run(
 
 
 def _require_all(journal: Journal) -> None:
-    if missing := journal.unsettled():
+    if missing := journal.remaining():
         message = f"{missing} pairs have no outcome; give the same command again to compare them"
         raise ZeroscdError(message)
 

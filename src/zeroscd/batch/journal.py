@@ -12,7 +12,7 @@ from zeroscd.batch.address import resolve
 from zeroscd.batch.names import safe_name, stem
 from zeroscd.batch.task import Row, Task
 from zeroscd.errors import OutputError
-from zeroscd.images.read import is_text
+from zeroscd.text import is_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -112,7 +112,7 @@ class Journal:
                 known=key if whole else None,
             )
 
-    def settle(self, outcome: Outcome) -> None:
+    def record(self, outcome: Outcome) -> None:
         """Keep what came of a row, on disk before this returns."""
         with self._telling(), self._transaction():
             self._database.execute(
@@ -126,7 +126,7 @@ class Journal:
                     (outcome.name, outcome.key, outcome.seconds, packed),
                 )
 
-    def unsettled(self) -> int:
+    def remaining(self) -> int:
         """Return how many rows have no outcome yet."""
         with self._telling():
             (count,) = self._database.execute(

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from threading import BoundedSemaphore
 from typing import TYPE_CHECKING
 
-from zeroscd.batch.desk import Desk
+from zeroscd.batch.comparer import PairComparer
 from zeroscd.batch.task import Outcome
+from zeroscd.device import thread_count, threads
 from zeroscd.errors import ImageError, ZeroscdError
-from zeroscd.models import thread_count, threads
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from zeroscd.batch.desk import Options
+    from zeroscd.batch.comparer import Options
     from zeroscd.batch.task import Task
     from zeroscd.settings import Settings
 
@@ -39,16 +39,16 @@ class Local:
 
     workers: int | None = None
 
-    def settle(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
+    def run(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
         """Yield the outcomes as they come, in no particular order.
 
         Raises:
             ZeroscdError: The detector cannot be made.
         """
-        desk = Desk(options)
-        workers = self.workers or _workers(desk.settings)
+        comparer = PairComparer(options)
+        workers = self.workers or _workers(comparer.settings)
         with threads(max(1, thread_count() // workers)):
-            yield from settle_all(tasks, desk, workers=workers)
+            yield from run_all(tasks, comparer, workers=workers)
 
 
 def _workers(settings: Settings) -> int:
@@ -56,14 +56,14 @@ def _workers(settings: Settings) -> int:
     return (os.cpu_count() or 1) if light else 1
 
 
-def settle_all(tasks: Iterable[Task], desk: Desk, *, workers: int) -> Iterator[Outcome]:
+def run_all(tasks: Iterable[Task], comparer: PairComparer, *, workers: int) -> Iterator[Outcome]:
     """Yield the outcomes of tasks as they come; a bounded number of them is under way."""
     turns = BoundedSemaphore(workers)
     pool = ThreadPoolExecutor(workers + BESIDE, thread_name_prefix="pair")
     pending: dict[Future[Outcome], Task] = {}
     try:
         for task in tasks:
-            pending[pool.submit(desk.settle, task, turns)] = task
+            pending[pool.submit(comparer.compare, task, turns)] = task
             if len(pending) >= workers + BESIDE + WAITING:
                 yield from _finished(pending)
         while pending:

@@ -15,7 +15,8 @@ from zeroscd.batch.address import is_remote
 from zeroscd.batch.names import stem
 from zeroscd.batch.task import Row
 from zeroscd.errors import DatasetError
-from zeroscd.images.read import SUFFIXES, one_line
+from zeroscd.images.read import SUFFIXES
+from zeroscd.text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Mapping

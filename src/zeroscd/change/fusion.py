@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from zeroscd.images.grid import PatchGrid
 
 UNRELATED = math.sqrt(2.0)  # expected distance of two unit vectors that have nothing in common
-ROOM_POWER = 4  # of three tried (2, 4, 6) the best on the development pairs as a whole
-LEAST_ROOM = 0.02  # a depth whose background is already unrelated keeps this little say
+MARGIN_POWER = 4  # of three tried (2, 4, 6) the best on the development pairs as a whole
+MIN_MARGIN = 0.02  # a depth whose background is already unrelated keeps this little say
 
 
 class Fusion(NamedTuple):
@@ -36,8 +36,8 @@ class Fusion(NamedTuple):
 
 def fixed_fusion(grids: Sequence[PatchGrid], tau: float) -> Fusion:
     """Let every patch size count the same, with the encoder's own threshold."""
-    say = _say(grids)
-    return Fusion(tuple(float(w) for w in say / say.sum()), tau)
+    level_weights = _level_weights(grids)
+    return Fusion(tuple(float(w) for w in level_weights / level_weights.sum()), tau)
 
 
 def pair_fusion(
@@ -51,7 +51,7 @@ def pair_fusion(
 
     Light, season and parallax raise the distance of everything, more so at fine depths. The lower
     quantile of a depth's distances, averaged over the photos, is its background b; sqrt(2) is the
-    distance of unrelated things. A depth counts by the fourth power of the room in between,
+    distance of unrelated things. A depth counts by the fourth power of the margin in between,
     r = sqrt(2) - b, and the threshold lies at b + share * r.
 
     Both photos get the same weights: whether a thing is the novelty of one or of the other is read
@@ -71,10 +71,10 @@ def pair_fusion(
         ],
         axis=0,
     )
-    room = np.maximum(UNRELATED - background, LEAST_ROOM)
-    weights = _say(grids) * room**ROOM_POWER
+    margin = np.maximum(UNRELATED - background, MIN_MARGIN)
+    weights = _level_weights(grids) * margin**MARGIN_POWER
     weights /= weights.sum()
-    tau = float(np.sum(weights * (background + share * room)))
+    tau = float(np.sum(weights * (background + share * margin)))
     return Fusion(tuple(float(w) for w in weights), tau)
 
 
@@ -94,7 +94,7 @@ def search_radii(grids: Sequence[PatchGrid], search_radius: int) -> tuple[int, .
     return tuple(max(0, search_radius - int(octave)) for octave in octaves - octaves.min())
 
 
-def _say(grids: Sequence[PatchGrid]) -> NDArray[np.float64]:
+def _level_weights(grids: Sequence[PatchGrid]) -> NDArray[np.float64]:
     """Depths of one patch size share one say."""
     octaves = _octaves(grids)
     return np.array([1.0 / np.count_nonzero(octaves == octave) for octave in octaves])

@@ -59,7 +59,7 @@ def ablate(
     show_dataset(found)
     try:
         with Bar() as bar:
-            points = run_ablation(found, plan, _Workshop(preset, device), progress=bar)
+            points = run_ablation(found, plan, _DetectorFactory(preset, device), progress=bar)
     except KeyboardInterrupt:
         warn(f"stopped; give the same command again to continue in {out}")
         raise
@@ -75,7 +75,7 @@ def ablate(
 
 
 @dataclass(frozen=True)
-class _Workshop:
+class _DetectorFactory:
     preset: str
     device: str
 

@@ -65,7 +65,7 @@ def batch(
     )
     overrides = parse_overrides(settings)
     from zeroscd.batch import run
-    from zeroscd.batch.desk import MEBIBYTE, Options
+    from zeroscd.batch.comparer import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
     from zeroscd.cli.progress import Bar
     from zeroscd.detector import Detector

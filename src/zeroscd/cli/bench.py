@@ -40,7 +40,7 @@ def bench(
     from dataclasses import replace
 
     from zeroscd.bench import Plan, measure, parse_size, to_json
-    from zeroscd.evaluation.scores import write_json
+    from zeroscd.output import write_json
     from zeroscd.settings import preset as named
 
     plan = Plan(preset=preset, overrides=parse_overrides(settings), device=device, runs=runs)

@@ -9,7 +9,7 @@ import typer
 
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
-from zeroscd.export.folder import REPORT, check_target
+from zeroscd.output import check_target
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -88,9 +88,10 @@ def save_and_tell(result: ChangeResult, out: Path) -> None:
     """
     with busy("writing"):
         result.save(out)
-    from zeroscd.export import words
+    from zeroscd.export import summary
+    from zeroscd.export.files import REPORT
 
-    for text in words.warnings(result):
+    for text in summary.warnings(result):
         warn(text)
-    say(words.summary(result))
+    say(summary.summary(result))
     say(f"report: {out / REPORT}")

@@ -11,7 +11,7 @@ import typer
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import Device, Overrides, Places, Within, parse_overrides
 from zeroscd.errors import SettingsError
-from zeroscd.export.folder import check_target
+from zeroscd.output import check_target
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from zeroscd.retrieval.describe import Place
     from zeroscd.settings import Settings
 
-MOST_WARNINGS = 5  # photos named one by one
-MOST_LATITUDE, MOST_LONGITUDE = 90.0, 180.0  # degrees
+MAX_WARNINGS = 5  # photos named one by one
+MAX_LATITUDE, MAX_LONGITUDE = 90.0, 180.0  # degrees
 
 app = typer.Typer(help="Find the old photo of a place.")
 
@@ -189,7 +189,7 @@ def parse_position(text: str | None) -> tuple[float, float] | None:
         latitude, longitude = (float(part) for part in text.split(","))
     except ValueError:
         latitude = longitude = float("nan")
-    if not (abs(latitude) <= MOST_LATITUDE and abs(longitude) <= MOST_LONGITUDE):
+    if not (abs(latitude) <= MAX_LATITUDE and abs(longitude) <= MAX_LONGITUDE):
         message = f"--at needs latitude and longitude in degrees, as in --at 48.8584,2.2945: {text}"
         raise SettingsError(message)
     return latitude, longitude
@@ -236,7 +236,7 @@ def as_values(match: PlaceMatch) -> dict[str, object]:
 
 def warn_of_failures(failed: Mapping[str, str]) -> None:
     """Name the first photos that cannot be read, and count the rest."""
-    for reason in list(failed.values())[:MOST_WARNINGS]:
+    for reason in list(failed.values())[:MAX_WARNINGS]:
         warn(reason)
-    if len(failed) > MOST_WARNINGS:
-        warn(f"and {len(failed) - MOST_WARNINGS} more photos cannot be read")
+    if len(failed) > MAX_WARNINGS:
+        warn(f"and {len(failed) - MAX_WARNINGS} more photos cannot be read")

@@ -63,7 +63,7 @@ def fetch_models(
             )
             typer.echo(path)
     for row in rows:
-        _confess(row)
+        _warn_unverified(row)
 
 
 @app.command("path")
@@ -86,7 +86,7 @@ def verify_models(
             message = f"{path} {fault}; delete it and run `{row.fetch_command}`"
             raise WeightsError(message)
         typer.echo(f"{row.name}  {'as published' if row.sha256 else 'no digest published'}  {path}")
-        _confess(row)
+        _warn_unverified(row)
 
 
 def _present() -> Iterator[WeightFile]:
@@ -99,7 +99,7 @@ def _cells(row: WeightFile) -> tuple[str, ...]:
     return row.name, row.kind, size, row.licence, here, row.note
 
 
-def _confess(row: WeightFile) -> None:
+def _warn_unverified(row: WeightFile) -> None:
     """Say on stderr what could not be checked."""
     if not row.sha256:
         digest = digest_of(path_of(row))

@@ -33,7 +33,7 @@ def survey(
     places: Places,
     out: OutFolder,
     within: Within = None,
-    least_score: Annotated[
+    min_score: Annotated[
         float | None,
         typer.Option(min=0, max=1, help="From which an old photo counts as of the same place."),
     ] = None,
@@ -57,7 +57,7 @@ def survey(
     """
     overrides = parse_overrides(settings)
     from zeroscd.batch import Local
-    from zeroscd.batch.desk import MEBIBYTE, Options
+    from zeroscd.batch.comparer import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
     from zeroscd.cli.progress import Bar
     from zeroscd.detector import Detector
@@ -65,7 +65,7 @@ def survey(
     from zeroscd.retrieval import PlaceIndex
     from zeroscd.retrieval.index import RECOGNISED
     from zeroscd.retrieval.photos import list_photos
-    from zeroscd.survey import Rules, compare, look
+    from zeroscd.survey import MatchRules, compare, match_photos
 
     check_request(preset, overrides, out=out)
     wanted = parse_files(write)
@@ -78,14 +78,14 @@ def survey(
         write=wanted,
         cache_bytes=cache_mb * MEBIBYTE,
     )
-    least = RECOGNISED if least_score is None else least_score
+    least = RECOGNISED if min_score is None else min_score
     try:
         with Bar("looking") as bar:
-            rules = Rules(within_m=within, least_score=least)
-            sightings = look(paths, index, out, rules=rules, progress=bar)
+            rules = MatchRules(within_m=within, min_score=least)
+            matches = match_photos(paths, index, out, rules=rules, progress=bar)
         with Bar("comparing") as bar:
             engine = Local(workers=workers)
-            summary = compare(sightings, out, options=options, engine=engine, progress=bar)
+            summary = compare(matches, out, options=options, engine=engine, progress=bar)
     except KeyboardInterrupt:
         warn(f"stopped; give the same command again to continue in {out}")
         raise
@@ -94,12 +94,12 @@ def survey(
 
 def tell(summary: Summary) -> None:
     """Print what was found and where it lies."""
-    photos = len(summary.sightings)
+    photos = len(summary.matches)
     unmatched = photos - summary.matched
     broken = summary.batch.failed - unmatched
     say(f"{summary.matched} of {photos} new photos have an old one of the same place")
     if unmatched:
-        first = next(one for one in summary.sightings if one.old is None)
+        first = next(one for one in summary.matches if one.old is None)
         warn(f"{unmatched} new photos were not compared; the first: {first.new}: {first.reason}")
     if broken:
         warn(f"{broken} pairs could not be compared; see the column error of pairs.parquet")

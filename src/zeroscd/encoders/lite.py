@@ -11,9 +11,9 @@ import torch
 
 from zeroscd.encoders.efficientnet import Trunk
 from zeroscd.errors import WeightsError
+from zeroscd.images.denoise import denoise
 from zeroscd.images.grid import PatchGrid
-from zeroscd.images.noise import calm
-from zeroscd.images.working import resize, working_size
+from zeroscd.images.resizing import resize, working_size
 from zeroscd.records import FeatureMap
 from zeroscd.weights.safe import read_tensors
 
@@ -115,9 +115,9 @@ def load(settings: Settings, device: str) -> LiteEncoder:
 
 
 def _at_work(photo: Rgb, working_hw: tuple[int, int]) -> Rgb:
-    """Resize and calm a photo, at whichever size has fewer pixels: growing hides the noise."""
+    """Resize and denoise a photo, at whichever size has fewer pixels: growing hides the noise."""
     height, width = (min(sides) for sides in zip(photo.shape[:2], working_hw, strict=True))
-    return resize(calm(resize(photo, (height, width))), working_hw)
+    return resize(denoise(resize(photo, (height, width))), working_hw)
 
 
 def _unit_length(tap: torch.Tensor) -> NDArray[np.float32]:

@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from zeroscd.errors import SettingsError
 from zeroscd.images.grid import PatchGrid
-from zeroscd.images.working import resize, working_size
+from zeroscd.images.resizing import resize, working_size
 from zeroscd.records import FeatureMap
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from zeroscd.evaluation.published import Average
     from zeroscd.evaluation.scores import Scores
 
-RIVALS_FILE = "published_f1.json"  # {stem: {method: F1 0..1}} in the root of a folder data set
+BASELINES_FILE = "published_f1.json"  # {stem: {method: F1 0..1}} in the root of a folder data set
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,22 +85,24 @@ def table_among_published(scores: Scores) -> tuple[TableRow, ...]:
     return tuple(sorted([*table, ours], key=lambda row: -(row.f1 or 0.0)))
 
 
-def beside_rivals(scores: Scores) -> SamePairs | None:
+def compare_with_baselines(scores: Scores) -> SamePairs | None:
     """Compare with the per-pair scores that lie in the data set's folder, if there are any.
 
     Raises:
         DatasetError: That file is not what it should be.
     """
-    rivals = _read_rivals(scores.dataset.root / RIVALS_FILE)
+    baselines = _read_baselines(scores.dataset.root / BASELINES_FILE)
     ours = {pair.stem: pair.counts.f1 for pair in scores.pairs if pair.counts.has_change}
-    methods = sorted({method for row in rivals.values() for method in row})
+    methods = sorted({method for row in baselines.values() for method in row})
     stems = tuple(
-        stem for stem in ours if stem in rivals and all(name in rivals[stem] for name in methods)
+        stem
+        for stem in ours
+        if stem in baselines and all(name in baselines[stem] for name in methods)
     )
     if not stems:
         return None
     f1 = {"ours": tuple(ours[stem] for stem in stems)}
-    f1 |= {method: tuple(rivals[stem][method] for stem in stems) for method in methods}
+    f1 |= {method: tuple(baselines[stem][method] for stem in stems) for method in methods}
     return SamePairs(stems=stems, f1=f1)
 
 
@@ -116,7 +118,7 @@ def _average_flag(average: Average) -> tuple[str, ...]:
     }[average]
 
 
-def _read_rivals(path: Path) -> dict[str, dict[str, float]]:
+def _read_baselines(path: Path) -> dict[str, dict[str, float]]:
     if not path.exists():
         return {}
     try:

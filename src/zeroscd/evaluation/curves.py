@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.evaluation.scoring import FARTHEST, HEAT_BINS
+from zeroscd.evaluation.scoring import HISTOGRAM_BINS, MAX_DISTANCE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from zeroscd.evaluation.scoring import Heat
+    from zeroscd.evaluation.scoring import DistanceHistogram
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,13 +36,13 @@ class CurvePoint:
         return 2 * self.precision * self.recall / total if total else 0.0
 
 
-def precision_recall(heats: Sequence[Heat]) -> tuple[CurvePoint, ...]:
+def precision_recall(heats: Sequence[DistanceHistogram]) -> tuple[CurvePoint, ...]:
     """Return the curve by rising tau, for thresholds that flag anything; empty without change.
 
     Example:
-        >>> from zeroscd.evaluation.scoring import Heat
+        >>> from zeroscd.evaluation.scoring import DistanceHistogram
         >>> low, high = (0,) * 99 + (3,), (1,) + (0,) * 98 + (1,)
-        >>> precision_recall([Heat(changed=low, unchanged=high)])[-1]
+        >>> precision_recall([DistanceHistogram(changed=low, unchanged=high)])[-1]
         CurvePoint(tau=1.98, precision=0.75, recall=1.0)
     """
     if not heats:
@@ -53,11 +53,11 @@ def precision_recall(heats: Sequence[Heat]) -> tuple[CurvePoint, ...]:
         return ()
     return tuple(
         CurvePoint(
-            tau=round(step * FARTHEST / HEAT_BINS, 6),
+            tau=round(step * MAX_DISTANCE / HISTOGRAM_BINS, 6),
             precision=float(hits[step] / (hits[step] + alarms[step])),
             recall=float(hits[step] / hits[0]),
         )
-        for step in range(HEAT_BINS)
+        for step in range(HISTOGRAM_BINS)
         if hits[step] + alarms[step]
     )
 

@@ -13,22 +13,22 @@ import cv2
 import numpy as np
 
 from zeroscd.errors import DatasetError, SettingsError
-from zeroscd.evaluation.journal import Journal, digest_files, digest_scoring, protocol
-from zeroscd.evaluation.scores import Scores, write_json, write_whole
+from zeroscd.evaluation.score_ledger import ScoreLedger, digest_files, digest_scoring, protocol
+from zeroscd.evaluation.scores import Scores
 from zeroscd.evaluation.scoring import (
     PairScore,
     agreement,
     count_kinds,
     count_pair,
+    distance_histogram,
     predicted_mask,
-    spread_heat,
     why_not_aligned,
 )
 from zeroscd.evaluation.truth import LoadedPair, load_pair
-from zeroscd.export.folder import check_target
 from zeroscd.fingerprint import digest, digest_values, digest_weights, versions
-from zeroscd.images.read import is_text, one_line
+from zeroscd.output import check_target, write_json, write_whole
 from zeroscd.progress import Silent
+from zeroscd.text import is_text, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -95,23 +95,23 @@ def evaluate_all(
     dataset: Dataset, runs: Sequence[Run], *, progress: Progress | None = None
 ) -> list[Scores]:
     """Score several detectors in one pass over a data set; like `evaluate` for each."""
-    desks = [_Desk(dataset, run) for run in runs]
-    found = _pass_over(dataset, desks, progress or Silent())
+    scorers = [_PairScorer(dataset, run) for run in runs]
+    found = _pass_over(dataset, scorers, progress or Silent())
     results = []
-    for desk, pairs in zip(desks, found, strict=True):
-        detector = desk.run.detector
+    for scorer, pairs in zip(scorers, found, strict=True):
+        detector = scorer.run.detector
         scores = Scores(
             dataset=dataset,
             settings=detector.settings,
             preset=detector.preset,
             pairs=tuple(pairs),
         )
-        write_json(scores.to_dict(), desk.run.out / "scores.json")
+        write_json(scores.to_dict(), scorer.run.out / "scores.json")
         results.append(scores)
     return results
 
 
-class _Desk:
+class _PairScorer:
     """Where one run's pairs are looked up, detected and scored."""
 
     def __init__(self, dataset: Dataset, run: Run) -> None:
@@ -128,7 +128,7 @@ class _Desk:
         self.run = run
         self._dataset = dataset
         check_target(run.out / "masks")  # made with the first score: a data set may be no good
-        self._journal = Journal(run.out / "pairs.jsonl")
+        self._journal = ScoreLedger(run.out / "pairs.jsonl")
         self._fingerprint = digest_values(
             {
                 "settings": run.detector.settings.to_dict(),
@@ -166,7 +166,7 @@ class _Desk:
             counts=count_pair(result, pair.truth, counted),
             seconds=detected.seconds,
             stages=dict(result.seconds),
-            heat=spread_heat(result.heatmap, pair.truth),
+            heat=distance_histogram(result.heatmap, pair.truth),
             kinds=count_kinds(result, pair.truth),
             consistency=(
                 None
@@ -193,7 +193,7 @@ class _Detected:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Prepared:
-    """A pair whose files are digested, and read unless every desk knows it already."""
+    """A pair whose files are digested, and read unless every scorer knows it already."""
 
     files: PairFiles
     content: str
@@ -202,15 +202,15 @@ class _Prepared:
 
 
 def _pass_over(
-    dataset: Dataset, desks: Sequence[_Desk], progress: Progress
+    dataset: Dataset, scorers: Sequence[_PairScorer], progress: Progress
 ) -> list[list[PairScore]]:
     progress.begin(len(dataset.pairs))
-    pending: list[list[PairScore | Future[PairScore]]] = [[] for _ in desks]
+    pending: list[list[PairScore | Future[PairScore]]] = [[] for _ in scorers]
     cores = os.cpu_count() or 1
     # Leaving the block waits for the scores of finished detections, also after Ctrl-C.
     with ThreadPoolExecutor(cores, thread_name_prefix="score") as pool:
-        for ready in _prepare_ahead(dataset, desks, cores):
-            for scores, score in zip(pending, _score_by_all(desks, ready, pool), strict=True):
+        for ready in _prepare_ahead(dataset, scorers, cores):
+            for scores, score in zip(pending, _score_by_all(scorers, ready, pool), strict=True):
                 scores.append(score)
             progress.advance(ready.files.stem, reused=ready.pair is None)
             _raise_early(pending)
@@ -218,29 +218,31 @@ def _pass_over(
 
 
 def _score_by_all(
-    desks: Sequence[_Desk], ready: _Prepared, pool: ThreadPoolExecutor
+    scorers: Sequence[_PairScorer], ready: _Prepared, pool: ThreadPoolExecutor
 ) -> list[PairScore | Future[PairScore]]:
-    """Return what each desk knows of a pair, or will know when its score is counted."""
+    """Return what each scorer knows of a pair, or will know when its score is counted."""
     pair = ready.pair
     if pair is None:
         return [score for score in ready.known if score is not None]
-    asked = [desk for desk, known in zip(desks, ready.known, strict=True) if known is None]
+    asked = [scorer for scorer, known in zip(scorers, ready.known, strict=True) if known is None]
     # The first one fills the cache of an ablation; the others find everything there.
-    detected = [asked[0].detect(pair), *pool.map(lambda desk: desk.detect(pair), asked[1:])]
+    detected = [asked[0].detect(pair), *pool.map(lambda scorer: scorer.detect(pair), asked[1:])]
     found = {
-        id(desk): pool.submit(desk.score, ready.files, ready.content, pair, one)
-        for desk, one in zip(asked, detected, strict=True)
+        id(scorer): pool.submit(scorer.score, ready.files, ready.content, pair, one)
+        for scorer, one in zip(asked, detected, strict=True)
     }
-    return [known or found[id(desk)] for desk, known in zip(desks, ready.known, strict=True)]
+    return [known or found[id(scorer)] for scorer, known in zip(scorers, ready.known, strict=True)]
 
 
-def _prepare_ahead(dataset: Dataset, desks: Sequence[_Desk], cores: int) -> Iterator[_Prepared]:
+def _prepare_ahead(
+    dataset: Dataset, scorers: Sequence[_PairScorer], cores: int
+) -> Iterator[_Prepared]:
     """Yield the pairs in order while the next ones are being read."""
     readers = ThreadPoolExecutor(cores, thread_name_prefix="read")
     waiting: deque[Future[_Prepared]] = deque()
     try:
         for files in dataset.pairs:
-            waiting.append(readers.submit(_prepare, files, dataset, desks))
+            waiting.append(readers.submit(_prepare, files, dataset, scorers))
             if len(waiting) > AHEAD * cores:
                 yield waiting.popleft().result()
         while waiting:
@@ -249,9 +251,9 @@ def _prepare_ahead(dataset: Dataset, desks: Sequence[_Desk], cores: int) -> Iter
         readers.shutdown(cancel_futures=True)
 
 
-def _prepare(files: PairFiles, dataset: Dataset, desks: Sequence[_Desk]) -> _Prepared:
+def _prepare(files: PairFiles, dataset: Dataset, scorers: Sequence[_PairScorer]) -> _Prepared:
     content = digest_files(files)
-    known = tuple(desk.known(files, content) for desk in desks)
+    known = tuple(scorer.known(files, content) for scorer in scorers)
     pair = None if all(known) else load_pair(files, dataset)
     return _Prepared(files=files, content=content, known=known, pair=pair)
 

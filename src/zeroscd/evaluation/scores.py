@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from zeroscd.errors import OutputError
 from zeroscd.evaluation.bootstrap import intervals
 from zeroscd.evaluation.datasets.tree import shorten
-from zeroscd.evaluation.journal import protocol
 from zeroscd.evaluation.metrics import Summary, false_positive_rate, pool, summarise
-from zeroscd.export.folder import replacing
+from zeroscd.evaluation.score_ledger import protocol
 from zeroscd.fingerprint import versions
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from zeroscd.evaluation.datasets.port import Dataset
     from zeroscd.evaluation.scoring import PairScore
     from zeroscd.settings import Settings
@@ -107,30 +102,6 @@ class Scores:
             "f1_macro_by_fold": self.by_fold,
             "not_aligned": [pair.stem for pair in self.pairs if pair.not_aligned],
         }
-
-
-def write_json(values: object, path: Path) -> None:
-    """Write JSON whole or not at all.
-
-    Raises:
-        OutputError: The folder cannot be written.
-    """
-    write_whole(path, (json.dumps(values, indent=1) + "\n").encode())
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file under a passing name, then move it into place.
-
-    Raises:
-        OutputError: The folder cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as passing:
-            passing.write_bytes(content)
-    except OSError as error:
-        message = f"cannot write {path}: {error.strerror}; choose another folder with -o"
-        raise OutputError(message) from error
 
 
 def _row(pair: PairScore) -> dict[str, object]:

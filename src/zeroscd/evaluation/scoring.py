@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from zeroscd.alignment.align import transfer
+from zeroscd.alignment.homography import homography_or_resize
 from zeroscd.alignment.warp import warp_mask
 from zeroscd.evaluation.metrics import Counts, count
 from zeroscd.evaluation.truth import resize_mask
-from zeroscd.result import NotAligned
+from zeroscd.records import NotAligned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Map, Mask
     from zeroscd.evaluation.truth import Truth
-    from zeroscd.result import ChangeResult, Kind, Region
+    from zeroscd.records import Kind, Region
+    from zeroscd.result import ChangeResult
 
-FARTHEST = 2.0  # the largest distance of two unit descriptors
-HEAT_BINS = 100  # of the precision-recall curve over tau: steps of 0.02
+MAX_DISTANCE = 2.0  # the largest distance of two unit descriptors
+HISTOGRAM_BINS = 100  # of the precision-recall curve over tau: steps of 0.02
 HIT_SHARE = 0.5  # of a region that must lie on true change to say that it hit one
 
 
@@ -42,11 +43,11 @@ class KindHits:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heat:
+class DistanceHistogram:
     """How the descriptor distance is spread over changed and unchanged pixels.
 
     Attributes:
-        changed: Pixels of true change by distance, HEAT_BINS equal steps from 0 to 2.
+        changed: Pixels of true change by distance, HISTOGRAM_BINS equal steps from 0 to 2.
         unchanged: The same for all other counted pixels.
     """
 
@@ -74,7 +75,7 @@ class PairScore:
     counts: Counts
     seconds: float
     stages: Mapping[str, float]
-    heat: Heat
+    heat: DistanceHistogram
     kinds: KindHits | None = None
     consistency: float | None = None
     not_aligned: str | None = None
@@ -92,7 +93,9 @@ class PairScore:
             **{
                 **values,
                 "counts": Counts(**values["counts"]),
-                "heat": Heat(**{name: tuple(bins) for name, bins in values["heat"].items()}),
+                "heat": DistanceHistogram(
+                    **{name: tuple(bins) for name, bins in values["heat"].items()}
+                ),
                 "kinds": None if kinds is None else KindHits(**kinds),
             }
         )
@@ -113,13 +116,13 @@ def count_pair(result: ChangeResult, truth: Truth, counted: Kind | None) -> Coun
     return count(predicted, truth.changed, valid=truth.valid)
 
 
-def spread_heat(distance: Map, truth: Truth) -> Heat:
+def distance_histogram(distance: Map, truth: Truth) -> DistanceHistogram:
     """Count changed and unchanged pixels by descriptor distance."""
     height, width = truth.changed.shape
     sized = np.asarray(
         cv2.resize(distance, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.float32
     )
-    return Heat(
+    return DistanceHistogram(
         changed=_histogram(sized[truth.valid & truth.changed]),
         unchanged=_histogram(sized[truth.valid & ~truth.changed]),
     )
@@ -134,7 +137,7 @@ def count_kinds(result: ChangeResult, truth: Truth) -> KindHits | None:
     if truth.removed is None or truth.added is None:
         return None
     size_t0, size_t1 = result.before.size_hw, result.after.size_hw
-    t1_from_t0 = transfer(result.alignment, size_t0, size_t1)
+    t1_from_t0 = homography_or_resize(result.alignment, size_t0, size_t1)
     t0_from_t1 = np.asarray(np.linalg.inv(t1_from_t0), dtype=np.float64)
     removed_t0, added_t1 = resize_mask(truth.removed, size_t0), resize_mask(truth.added, size_t1)
     true_masks = {
@@ -163,7 +166,9 @@ def why_not_aligned(result: ChangeResult) -> str | None:
 
 
 def _histogram(values: NDArray[np.float32]) -> tuple[int, ...]:
-    counts, _ = np.histogram(np.clip(values, 0.0, FARTHEST), bins=HEAT_BINS, range=(0.0, FARTHEST))
+    counts, _ = np.histogram(
+        np.clip(values, 0.0, MAX_DISTANCE), bins=HISTOGRAM_BINS, range=(0.0, MAX_DISTANCE)
+    )
     return tuple(int(number) for number in counts)
 
 

@@ -5,20 +5,21 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from zeroscd.result import Alignment, NotAligned
+from zeroscd.records import Alignment, NotAligned
 
 if TYPE_CHECKING:
-    from zeroscd.result import ChangeResult, Photo, Region
+    from zeroscd.images.photo import Photo
+    from zeroscd.records import Changes, Region
 
 SCHEMA = 1
 
 
-def changes_json(result: ChangeResult) -> bytes:
+def changes_json(result: Changes) -> bytes:
     """Write a result as JSON text; only `seconds`, the last entry, differs between runs."""
     return (json.dumps(changes(result), indent=1, allow_nan=False) + "\n").encode("ascii")
 
 
-def changes(result: ChangeResult) -> dict[str, Any]:
+def changes(result: Changes) -> dict[str, Any]:
     """Return the content of `changes.json` as plain values."""
     return {
         "schema": SCHEMA,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from zeroscd.result import ChangeResult, Region
+    from zeroscd.records import Changes, Region
 
 CATEGORIES = {"removed": 1, "added": 2}
 
@@ -29,7 +29,7 @@ class MarkedPhoto:
     regions: Sequence[Region]
 
 
-def marked_photos(result: ChangeResult, *, unnamed: str = "") -> tuple[MarkedPhoto, MarkedPhoto]:
+def marked_photos(result: Changes, *, unnamed: str = "") -> tuple[MarkedPhoto, MarkedPhoto]:
     """Return both photos of a result, each with the regions that live in its frame.
 
     Args:
@@ -74,7 +74,7 @@ def coco(photos: Iterable[MarkedPhoto]) -> dict[str, Any]:
     }
 
 
-def coco_json(result: ChangeResult) -> bytes:
+def coco_json(result: Changes) -> bytes:
     """Write one result as a COCO instances file."""
     return (json.dumps(coco(marked_photos(result)), allow_nan=False) + "\n").encode("ascii")
 

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import SettingsError
 from zeroscd.export.changes import changes_json
 from zeroscd.export.coco import coco_json
-from zeroscd.export.folder import REPORT
 from zeroscd.export.overlay import draw_overlay
 from zeroscd.export.pictures import png
 from zeroscd.export.report import render_report
+from zeroscd.output import write_together
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from zeroscd.result import ChangeResult
+    from zeroscd.records import Changes
 
-FILES: dict[str, tuple[str, Callable[[ChangeResult], bytes]]] = {
+REPORT = "report.html"
+FILES: dict[str, tuple[str, Callable[[Changes], bytes]]] = {
     "mask": ("mask.png", lambda result: png(result.mask)),
     "removed": ("removed.png", lambda result: png(result.removed)),
     "added": ("added.png", lambda result: png(result.added)),
@@ -27,7 +29,7 @@ FILES: dict[str, tuple[str, Callable[[ChangeResult], bytes]]] = {
     "json": ("changes.json", changes_json),
     "coco": ("coco.json", coco_json),
 }
-# What `ChangeResult.save` and `zeroscd detect` promise.
+# What `Changes.save` and `zeroscd detect` promise.
 PROMISED = ("mask", "removed", "added", "unknown", "overlay", "report", "json")
 
 
@@ -53,6 +55,17 @@ def file_names(wanted: Iterable[str]) -> tuple[str, ...]:
     return tuple(FILES[name][0] for name in wanted)
 
 
-def render(result: ChangeResult, wanted: Iterable[str] = PROMISED) -> dict[str, bytes]:
+def render(result: Changes, wanted: Iterable[str] = PROMISED) -> dict[str, bytes]:
     """Return the wanted files' contents by file name."""
     return {file: draw(result) for file, draw in (FILES[name] for name in wanted)}
+
+
+def save_result(result: Changes, folder: str | Path) -> None:
+    """Write the masks, the pictures, `changes.json` and `report.html` into a folder.
+
+    Missing folders are made; other files in an existing folder stay as they are.
+
+    Raises:
+        OutputError: The folder cannot be written; nothing of this result is then in it.
+    """
+    write_together(Path(folder), render(result))

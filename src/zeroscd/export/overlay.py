@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from zeroscd.export.view import look_at
+from zeroscd.export.frame import to_common_frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from zeroscd.arrays import Mask, Rgb
-    from zeroscd.export.view import View
-    from zeroscd.result import ChangeResult
+    from zeroscd.export.frame import CommonFrame
+    from zeroscd.records import Changes
 
 # Vermilion and blue of Okabe and Ito's palette, told apart with every kind of colour blindness.
 REMOVED_RGB = (213, 94, 0)
@@ -29,18 +29,18 @@ STROKE = 1 / 400  # width of an outline, likewise
 LEGEND = 1 / 24  # height of the legend, likewise
 
 
-def draw_overlay(result: ChangeResult) -> Rgb:
+def draw_overlay(result: Changes) -> Rgb:
     """Draw removed, added and unknown on the frame's photo, with a legend strip below it.
 
     Returns:
         (H + strip, W, 3) uint8; the photo keeps its place in the upper left corner.
     """
-    view = look_at(result)
+    view = to_common_frame(result)
     photo = view.before if result.frame == "t0" else view.after
     return np.vstack([paint_changes(photo, view), _legend(photo.shape[1], max(photo.shape))])
 
 
-def paint_changes(photo: Rgb, view: View) -> Rgb:
+def paint_changes(photo: Rgb, view: CommonFrame) -> Rgb:
     """Return a copy of a photo with the view's masks drawn on it, (H, W, 3)."""
     painted = hatched(photo, view.unknown)
     painted = _tinted(painted, view.removed, REMOVED_RGB)

@@ -8,33 +8,33 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from zeroscd.export.frame import UNSEEN_GREY
 from zeroscd.export.pictures import jpeg_uri
-from zeroscd.export.view import UNSEEN_GREY
-from zeroscd.export.words import percent
+from zeroscd.export.summary import percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from zeroscd.arrays import PointsXy, Rgb
-    from zeroscd.export.view import View
-    from zeroscd.result import ChangeResult, Region
+    from zeroscd.export.frame import CommonFrame
+    from zeroscd.records import Changes, Region
 
-MOST_SHOWN = 60  # cards; each holds two little pictures
+MAX_SHOWN = 60  # cards; each holds two little pictures
 THUMB_WH = (240, 180)
 THUMB_QUALITY = 80
-LEAST_SCALE = 0.1  # view pixels a thumbnail pixel, before the margin: tiny regions stay small
+MIN_SCALE = 0.1  # view pixels a thumbnail pixel, before the margin: tiny regions stay small
 THUMB_MARGIN = 0.3  # of the region's size, so that one sees where it lies
 SIGNS = {"removed": "−", "added": "+"}  # noqa: RUF001 - a real minus sign, as wide as the plus
 
 
 def title(regions: Sequence[Region]) -> str:
     """Return the heading of the list."""
-    if len(regions) > MOST_SHOWN:
-        return f"Regions ({MOST_SHOWN} of {len(regions)}, the most certain ones)"
+    if len(regions) > MAX_SHOWN:
+        return f"Regions ({MAX_SHOWN} of {len(regions)}, the most certain ones)"
     return f"Regions ({len(regions)})"
 
 
-def shapes(regions: Iterable[Region], view: View) -> str:
+def shapes(regions: Iterable[Region], view: CommonFrame) -> str:
     """Return the outlines as SVG paths in pixels of the view."""
     return "".join(
         f'<g class="{region.kind}" data-region="{region.id}">'
@@ -44,30 +44,30 @@ def shapes(regions: Iterable[Region], view: View) -> str:
     )
 
 
-def chips(regions: Sequence[Region], view: View) -> str:
+def chips(regions: Sequence[Region], view: CommonFrame) -> str:
     """Return the numbers on the picture, each a link to its card."""
-    return "".join(_chip_link(region, view) for region in regions[:MOST_SHOWN])
+    return "".join(_chip_link(region, view) for region in regions[:MAX_SHOWN])
 
 
-def cards(result: ChangeResult, view: View) -> str:
+def cards(result: Changes, view: CommonFrame) -> str:
     """Return the list of regions, or a sentence if there are none."""
     if not result.regions:
         return '<p class="none">No region changed.</p>'
-    items = "\n".join(_card(region, result, view) for region in result.regions[:MOST_SHOWN])
+    items = "\n".join(_card(region, result, view) for region in result.regions[:MAX_SHOWN])
     return f'<ol class="cards">\n{items}\n</ol>'
 
 
-def _path(region: Region, view: View) -> str:
+def _path(region: Region, view: CommonFrame) -> str:
     rings = _rings(region, view)
     return "".join(f"M{' '.join(f'{x:.1f},{y:.1f}' for x, y in ring)}Z" for ring in rings)
 
 
-def _rings(region: Region, view: View) -> list[PointsXy]:
+def _rings(region: Region, view: CommonFrame) -> list[PointsXy]:
     # Half a pixel more: SVG counts from a pixel's corner, polygons from its centre.
     return [view.carry(np.array(ring), frame=region.frame) + 0.5 for ring in region.polygon_xy]
 
 
-def _chip_link(region: Region, view: View) -> str:
+def _chip_link(region: Region, view: CommonFrame) -> str:
     height, width = view.size_hw
     x, y = min((point for ring in _rings(region, view) for point in ring), key=lambda xy: xy[1])
     left = min(max(100 * x / width, 2), 98)  # never hidden by the picture's edge
@@ -79,7 +79,7 @@ def _chip_link(region: Region, view: View) -> str:
     )
 
 
-def _card(region: Region, result: ChangeResult, view: View) -> str:
+def _card(region: Region, result: Changes, view: CommonFrame) -> str:
     photo = result.before if region.frame == "t0" else result.after
     share = region.area_px / (photo.size_hw[0] * photo.size_hw[1])
     kind = escape(region.kind)
@@ -97,7 +97,7 @@ def _card(region: Region, result: ChangeResult, view: View) -> str:
     )
 
 
-def _thumb(region: Region, view: View, when: str) -> str:
+def _thumb(region: Region, view: CommonFrame, when: str) -> str:
     uri = jpeg_uri(
         _cut(view.before if when == "before" else view.after, _box(region, view)),
         quality=THUMB_QUALITY,
@@ -109,7 +109,7 @@ def _thumb(region: Region, view: View, when: str) -> str:
     )
 
 
-def _box(region: Region, view: View) -> tuple[float, float, float, float]:
+def _box(region: Region, view: CommonFrame) -> tuple[float, float, float, float]:
     """Return left, top, width and height of a region in the view."""
     x, y, w, h = region.bbox_xywh
     corners = np.array([(x, y), (x + w, y), (x + w, y + h), (x, y + h)], np.float64)
@@ -123,7 +123,7 @@ def _box(region: Region, view: View) -> tuple[float, float, float, float]:
 def _cut(photo: Rgb, box_xywh: tuple[float, float, float, float]) -> Rgb:
     """Cut a box with a margin, widened to the shape of a thumbnail, grey outside the photo."""
     x, y, w, h = box_xywh
-    scale = max(w / THUMB_WH[0], h / THUMB_WH[1], LEAST_SCALE) * (1 + 2 * THUMB_MARGIN)
+    scale = max(w / THUMB_WH[0], h / THUMB_WH[1], MIN_SCALE) * (1 + 2 * THUMB_MARGIN)
     width, height = round(scale * THUMB_WH[0]), round(scale * THUMB_WH[1])
     left = _placed(round(x + (w - width) / 2), width, photo.shape[1])
     top = _placed(round(y + (h - height) / 2), height, photo.shape[0])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import OutputError
 from zeroscd.export.changes import region_values
-from zeroscd.export.folder import replacing
 from zeroscd.images.exif import Exif
-from zeroscd.result import Alignment, NotAligned
+from zeroscd.output import replacing
+from zeroscd.records import Alignment, NotAligned
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from zeroscd.result import ChangeResult, Region
+    from zeroscd.records import Changes, Region
 
     Row = Mapping[str, Any]
 
@@ -79,7 +79,7 @@ def pairs_schema() -> pa.Schema:
     )
 
 
-def change_rows(result: ChangeResult, notes: tuple[Exif, Exif] = NO_NOTES) -> list[dict[str, Any]]:
+def change_rows(result: Changes, notes: tuple[Exif, Exif] = NO_NOTES) -> list[dict[str, Any]]:
     """Return a row for each region, without the name of the pair.
 
     Args:
@@ -92,7 +92,7 @@ def change_rows(result: ChangeResult, notes: tuple[Exif, Exif] = NO_NOTES) -> li
     ]
 
 
-def pair_row(result: ChangeResult, notes: tuple[Exif, Exif] = NO_NOTES) -> dict[str, Any]:
+def pair_row(result: Changes, notes: tuple[Exif, Exif] = NO_NOTES) -> dict[str, Any]:
     """Return what `pairs.parquet` says about one comparison."""
     alignment = result.alignment
     return {

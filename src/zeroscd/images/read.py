@@ -15,7 +15,8 @@ from PIL import Image
 from zeroscd.errors import ImageError
 from zeroscd.images.colours import rgb_from_array, rgb_from_picture
 from zeroscd.images.guard import guarded, libtiff_muted
-from zeroscd.result import Photo
+from zeroscd.images.photo import Photo
+from zeroscd.text import one_line
 
 if TYPE_CHECKING:
     from typing import Any, TypeAlias
@@ -78,21 +79,6 @@ def read_photo(
         return Photo(pixels=pixels)
     message = f"cannot read a photo from {type(source).__name__}; give a path, bytes or an array"
     raise ImageError(message)
-
-
-def one_line(path: str) -> str:
-    """Name a path so that no line break, control or invisible character of it gets through."""
-    return path if path and path.isprintable() else repr(path)
-
-
-def is_text(name: str) -> bool:
-    r"""Tell whether a name can be stored as UTF-8; file names out of old archives cannot.
-
-    Example:
-        >>> is_text("café"), is_text("caf\udce9")
-        (True, False)
-    """
-    return not any("\ud800" <= c <= "\udfff" for c in name)
 
 
 def read_file(path: str | Path, *, limits: PhotoLimits = DEFAULT_LIMITS) -> bytes:

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 SMOOTHING_SHARE = 1 / 16  # of the photo's shorter side: about as far as one thing reaches
 SIGMA_CELLS = 8  # what is that smooth is as well known at every 8th of its width
-ISLAND_SHARE = 0.15  # of a connected change: a smaller piece has no kind of its own
+MINOR_SHARE = 0.15  # of a connected change: a smaller piece has no kind of its own
 
 
-def settle_kinds(
+def assign_kinds(
     removed_t0: Mask,
     added_t1: Mask,
     *,
@@ -62,8 +62,8 @@ def _novel(changed: Mask, novelty: Map) -> Mask:
     count, labels = cv2.connectedComponents(changed.astype(np.uint8))
     whole_of = np.asarray(labels, dtype=np.int32)
     whole_px = np.bincount(whole_of.ravel(), minlength=count)
-    leaves = _islands(novel, whole_of, whole_px)
-    joins = _islands(changed & ~novel, whole_of, whole_px)
+    leaves = _minor_pieces(novel, whole_of, whole_px)
+    joins = _minor_pieces(changed & ~novel, whole_of, whole_px)
     return np.asarray((novel & ~leaves) | joins, dtype=bool)
 
 
@@ -83,12 +83,12 @@ def smooth(values: Map, *, sigma_px: float) -> Map:
     return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR))
 
 
-def _islands(part: Mask, whole_of: NDArray[np.int32], whole_px: NDArray[np.intp]) -> Mask:
+def _minor_pieces(part: Mask, whole_of: NDArray[np.int32], whole_px: NDArray[np.intp]) -> Mask:
     """Mark the connected pieces of a part that are small beside the change they lie in."""
     count, labels = cv2.connectedComponents(part.astype(np.uint8))
     piece_px = np.bincount(labels.ravel(), minlength=count)
     whole = np.zeros(count, dtype=np.intp)
     whole[labels[part]] = whole_of[part]  # a piece lies in one change only
-    small = piece_px < ISLAND_SHARE * whole_px[whole]
+    small = piece_px < MINOR_SHARE * whole_px[whole]
     small[0] = False  # what is not in the part
     return np.asarray(small[labels], dtype=bool)

@@ -10,14 +10,13 @@ import cv2
 import numpy as np
 from pycocotools import mask as coco
 
-from zeroscd.result import Region
+from zeroscd.records import Region
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from zeroscd.arrays import Mask
-    from zeroscd.records import CoarseChange
-    from zeroscd.result import Frame, Kind
+    from zeroscd.records import CoarseChange, Frame, Kind
 
 UNRELATED = math.sqrt(2.0)  # expected distance of two unit vectors that have nothing in common
 

@@ -36,7 +36,7 @@ def close_gaps(mask: Mask, *, gap_width: float) -> Mask:
     return closed
 
 
-def drop_thin(mask: Mask, *, least_width: float) -> Mask:
+def drop_thin(mask: Mask, *, min_width: float) -> Mask:
     """Take away what is thin beside the part it belongs to (a morphological opening).
 
     A slightly wrong alignment makes strips along borders, and a shadow a spike on the thing that
@@ -45,33 +45,33 @@ def drop_thin(mask: Mask, *, least_width: float) -> Mask:
 
     Args:
         mask: (H, W).
-        least_width: Diameter of the disk as a share of the square root of the area of the
+        min_width: Diameter of the disk as a share of the square root of the area of the
             connected part: a square is 1 wide, a strip ten times as long as wide 0.32. Parts
             that no disk fits in are dropped.
 
     Example:
         >>> cross = np.zeros((100, 100), dtype=bool)
         >>> cross[40:60, 40:60] = cross[50, :] = True
-        >>> int(drop_thin(cross, least_width=0.3)[:, 0].sum())
+        >>> int(drop_thin(cross, min_width=0.3)[:, 0].sum())
         0
     """
-    if least_width == 0:
+    if min_width == 0:
         return mask.copy()
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     wide = np.zeros_like(mask)
     for part in range(1, count):
         *box_xywh, area_px = boxes[part].tolist()
         around = _around(box_xywh, mask.shape)
-        radius_px = least_width * math.sqrt(area_px) / 2
+        radius_px = min_width * math.sqrt(area_px) / 2
         wide[around] |= _open(labels[around] == part, radius_px=radius_px)
     return wide
 
 
-def drop_specks(mask: Mask, *, min_area_px: int) -> Mask:
+def remove_small_components(mask: Mask, *, min_area_px: int) -> Mask:
     """Take away the connected parts with fewer pixels than wanted.
 
     Example:
-        >>> drop_specks(np.array([[True, False, True, True]]), min_area_px=2)
+        >>> remove_small_components(np.array([[True, False, True, True]]), min_area_px=2)
         array([[False, False,  True,  True]])
     """
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))

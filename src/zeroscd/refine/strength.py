@@ -15,7 +15,7 @@ SMOOTHING_SHARE = 1 / 128  # of the photo's shorter side: a peak is wider than a
 STRONGEST_QUANTILE = 0.995  # of the excess over the photo: robust against a single spot
 
 
-def keep_strong(mask: Mask, coarse: CoarseChange, *, least_peak: float) -> Mask:
+def keep_strong(mask: Mask, coarse: CoarseChange, *, min_peak: float) -> Mask:
     """Drop the connected parts whose distance never rises well above tau.
 
     The excess over tau is smoothed; a part stays if its highest excess reaches a share of what
@@ -24,9 +24,9 @@ def keep_strong(mask: Mask, coarse: CoarseChange, *, least_peak: float) -> Mask:
     Args:
         mask: (H, W) changed, in the frame of `coarse`.
         coarse: Distances, threshold and what is unknown.
-        least_peak: 0..1, the share; 0 keeps every part.
+        min_peak: 0..1, the share; 0 keeps every part.
     """
-    if least_peak == 0 or not mask.any():
+    if min_peak == 0 or not mask.any():
         return mask.copy()
     known = ~coarse.unknown
     excess = np.where(known, coarse.distance - np.float32(coarse.tau), np.float32(-coarse.tau))
@@ -38,6 +38,6 @@ def keep_strong(mask: Mask, coarse: CoarseChange, *, least_peak: float) -> Mask:
     peaks = np.full(count, -np.inf)
     seen = mask & known
     np.maximum.at(peaks, np.asarray(labels[seen], dtype=np.intp), smooth[seen])
-    stays = peaks >= least_peak * strongest
+    stays = peaks >= min_peak * strongest
     stays[0] = False  # what is not flagged
     return np.asarray(stays[labels], dtype=bool)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask
     from zeroscd.records import CoarseChange, Segment, Segments
 
-LEAST_KNOWN = 0.3  # share of an outline that both photos must show before it may vote
+MIN_KNOWN = 0.3  # share of an outline that both photos must show before it may vote
 
 
 class Flagged(NamedTuple):
@@ -65,7 +65,7 @@ def _gamma(segment: Segment, coarse: CoarseChange) -> float:
     """Share of coarse change of an outline; 0 where too little of it is known."""
     inside = segment.crop()
     known_px = np.count_nonzero(inside & ~coarse.unknown[segment.window])
-    if known_px <= LEAST_KNOWN * segment.area_px:
+    if known_px <= MIN_KNOWN * segment.area_px:
         return 0.0
     return float(np.count_nonzero(inside & coarse.changed[segment.window]) / known_px)
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from zeroscd.images.exif import Exif
-from zeroscd.retrieval.patches import telling_patches
-from zeroscd.retrieval.sketch import place_sketch
+from zeroscd.retrieval.global_descriptor import global_descriptor
+from zeroscd.retrieval.local_descriptors import local_descriptors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Rgb
     from zeroscd.encoders.port import PatchEncoder
-    from zeroscd.result import Photo
-    from zeroscd.retrieval.patches import Patches
+    from zeroscd.images.photo import Photo
+    from zeroscd.retrieval.local_descriptors import LocalDescriptors
 
 
 NOTHING_NOTED = Exif()
@@ -45,7 +45,7 @@ class Place:
     """
 
     vector: NDArray[np.float32]
-    patches: tuple[Patches, ...]
+    patches: tuple[LocalDescriptors, ...]
     size_hw: tuple[int, int]
     exif: Exif = NOTHING_NOTED
 
@@ -59,8 +59,8 @@ def describe(photo: Photo, encoder: PatchEncoder, *, exif: Exif | None = None) -
     (maps,) = encoder.encode([photo.pixels])
     learned = encoder.places([photo.pixels]) if isinstance(encoder, PlaceEncoder) else None
     return Place(
-        vector=place_sketch(maps) if learned is None else learned[0],
-        patches=telling_patches(maps),
+        vector=global_descriptor(maps) if learned is None else learned[0],
+        patches=local_descriptors(maps),
         size_hw=photo.size_hw,
         exif=exif or NOTHING_NOTED,
     )

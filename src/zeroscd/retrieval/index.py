@@ -8,17 +8,23 @@ from typing import TYPE_CHECKING, Any, Self
 
 from zeroscd.errors import DatasetError, ImageError
 from zeroscd.images.exif import Exif, read_exif
-from zeroscd.images.read import is_text, one_line, read_file, read_photo
+from zeroscd.images.read import read_file, read_photo
 from zeroscd.models import load_encoder
 from zeroscd.progress import Silent
-from zeroscd.retrieval.canary import about, check_canary, describe_canary, settings_from
+from zeroscd.retrieval.compatibility import (
+    about,
+    check_compatibility,
+    describe_reference,
+    settings_from,
+)
 from zeroscd.retrieval.describe import describe
 from zeroscd.retrieval.gps import metres
 from zeroscd.retrieval.photos import absolute, digest_bytes
+from zeroscd.retrieval.rerank import geometric_score
 from zeroscd.retrieval.rows import Entry
 from zeroscd.retrieval.store import Store, is_index
-from zeroscd.retrieval.verify import verify
 from zeroscd.settings import Settings
+from zeroscd.text import is_text, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -117,7 +123,7 @@ class PlaceIndex:
             raise DatasetError(message)
         chosen = settings or DEFAULT
         loaded = encoder or load_encoder(chosen, device=device)
-        return cls(Store.create(name, about(chosen), describe_canary(loaded)), loaded, chosen)
+        return cls(Store.create(name, about(chosen), describe_reference(loaded)), loaded, chosen)
 
     @classmethod
     def open(
@@ -145,7 +151,7 @@ class PlaceIndex:
         store = Store.open(str(address))
         chosen = settings_from(store.about, wanted=settings)
         loaded = encoder or load_encoder(chosen, device=device)
-        check_canary(store.canary, describe_canary(loaded), store.about)
+        check_compatibility(store.reference, describe_reference(loaded), store.about)
         return cls(store, loaded, chosen)
 
     def __len__(self) -> int:
@@ -267,7 +273,7 @@ class PlaceIndex:
 def _match(place: Place, entry: Entry, cosine: float, *, rerank: bool) -> PlaceMatch:
     old = entry.place
     agreement = (
-        verify(place.patches, old.patches, sizes_hw=(place.size_hw, old.size_hw))
+        geometric_score(place.patches, old.patches, sizes_hw=(place.size_hw, old.size_hw))
         if rerank
         else None
     )

@@ -7,7 +7,8 @@ import os
 from pathlib import Path
 
 from zeroscd.errors import DatasetError
-from zeroscd.images.read import SUFFIXES, one_line
+from zeroscd.images.read import SUFFIXES
+from zeroscd.text import one_line
 
 
 def list_photos(source: str | Path) -> list[str]:

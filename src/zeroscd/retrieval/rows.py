@@ -10,7 +10,7 @@ import numpy as np
 
 from zeroscd.images.exif import Exif
 from zeroscd.retrieval.describe import Place
-from zeroscd.retrieval.patches import pack, unpack
+from zeroscd.retrieval.local_descriptors import pack, unpack
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import DatasetError, OutputError, SettingsError, ZeroscdError
 from zeroscd.fingerprint import digest_values
-from zeroscd.images.read import one_line
 from zeroscd.retrieval.gps import box_around, metres
 from zeroscd.retrieval.photos import absolute
 from zeroscd.retrieval.rows import Entry, about_of, schema_of, to_entry, to_rows
+from zeroscd.text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from zeroscd.retrieval.describe import Place
 
-PLACES, CANARY = "places", "canary"
+PLACES, REFERENCE = "places", "reference"
 PATHS_AT_ONCE = 500  # in one condition
 # Below this many places every vector is compared: exact, and still quick (docs/places.md).
 APPROXIMATE_FROM = 100_000
@@ -55,30 +55,30 @@ class Nearby:
 class Store:
     """The tables of one index; `create` or `open` makes it."""
 
-    def __init__(self, table: Table, canary: Table, address: str) -> None:
+    def __init__(self, table: Table, reference: Table, address: str) -> None:
         self._table = table
-        self._canary = canary
+        self._canary = reference
         self._address = one_line(address)
 
     @classmethod
-    def create(cls, address: str, about: Mapping[str, Any], canary: Place) -> Store:
+    def create(cls, address: str, about: Mapping[str, Any], reference: Place) -> Store:
         """Make an empty index.
 
         Args:
             address: A folder, or an address of an object store.
             about: Plain values that `about` returns later.
-            canary: A known photo, described by what describes all others.
+            reference: A known photo, described by what describes all others.
 
         Raises:
             OutputError: It cannot be written.
             SettingsError: LanceDB is not installed.
         """
-        schema = schema_of(len(canary.vector), about)
+        schema = schema_of(len(reference.vector), about)
         with _writing(address):
             database = _connect(address)
-            database.drop_table(CANARY, ignore_missing=True)  # of a creation that was cut short
-            second = database.create_table(CANARY, schema=schema)
-            second.add(to_rows([Entry(CANARY, "", canary)], schema))
+            database.drop_table(REFERENCE, ignore_missing=True)  # of a creation that was cut short
+            second = database.create_table(REFERENCE, schema=schema)
+            second.add(to_rows([Entry(REFERENCE, "", reference)], schema))
             # Last, so that an index that has its table of places is whole.
             return cls(database.create_table(PLACES, schema=schema), second, address)
 
@@ -98,7 +98,7 @@ class Store:
             raise DatasetError(message)
         with _telling(f"cannot read the place index {one_line(address)}", DatasetError):
             database = _connect(address)
-            return cls(database.open_table(PLACES), database.open_table(CANARY), address)
+            return cls(database.open_table(PLACES), database.open_table(REFERENCE), address)
 
     def __len__(self) -> int:
         return int(self._table.count_rows())
@@ -109,7 +109,7 @@ class Store:
         return about_of(self._canary.schema)
 
     @property
-    def canary(self) -> Place:
+    def reference(self) -> Place:
         """The known photo as it was described when the index was made."""
         return to_entry(self._canary.to_arrow().to_pylist()[0]).place
 

@@ -13,7 +13,12 @@ import numpy as np
 
 from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, wanted_points
-from zeroscd.segmenters.selection import cut_off, distinct, stability_of, without_specks
+from zeroscd.segmenters.selection import (
+    box_nms,
+    is_near_crop_edge,
+    remove_small_regions,
+    stability_score,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +34,7 @@ if TYPE_CHECKING:
 ENLARGED_AT_ONCE = 4
 
 
-class Seen(Protocol):
+class ImageEmbedding(Protocol):
     """What a network remembers of a photo: its own affair."""
 
     @property
@@ -41,16 +46,16 @@ class PromptNetwork(Protocol):
     """A network that answers points with masks."""
 
     @property
-    def pred_iou(self) -> float:
+    def pred_iou_thresh(self) -> float:
         """Score above which its publisher keeps a mask."""
 
-    def look(self, photo: Rgb) -> Seen:
+    def embed(self, photo: Rgb) -> ImageEmbedding:
         """Do all the work that does not depend on the points."""
 
-    def ask(self, look: Any, points_xy: PointsXy) -> tuple[Tensor, Tensor]:  # noqa: ANN401
+    def predict(self, embedding: Any, points_xy: PointsXy) -> tuple[Tensor, Tensor]:  # noqa: ANN401
         """Return low-resolution logits (M, h, w) and scores (M,), several in turn for a point."""
 
-    def enlarge(self, look: Any, logits: Tensor) -> Tensor:  # noqa: ANN401
+    def upscale_masks(self, embedding: Any, logits: Tensor) -> Tensor:  # noqa: ANN401
         """Bring logits (M, h, w) to the size of the photo, (M, H, W)."""
 
 
@@ -89,7 +94,7 @@ class AutomaticSegmenter:
     network: PromptNetwork
     settings: SegmentSettings
 
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> AutomaticStudy:
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> AutomaticProposals:
         """Take up a photo.
 
         Args:
@@ -97,11 +102,11 @@ class AutomaticSegmenter:
             features: Not needed.
         """
         del features
-        return AutomaticStudy(network=self.network, settings=self.settings, photo=photo)
+        return AutomaticProposals(network=self.network, settings=self.settings, photo=photo)
 
 
 @dataclass(slots=True, kw_only=True)
-class AutomaticStudy:
+class AutomaticProposals:
     """A photo and what the network saw of it, so that it is looked at once.
 
     Threads may share it: whoever comes first looks, the others wait for it.
@@ -117,7 +122,7 @@ class AutomaticStudy:
     network: PromptNetwork
     settings: SegmentSettings
     photo: Rgb
-    seen: Seen | None = None
+    seen: ImageEmbedding | None = None
     _turn: Lock = field(default_factory=Lock, init=False, repr=False)
 
     @property
@@ -125,7 +130,7 @@ class AutomaticStudy:
         """What the network remembers of the photo so far takes this much memory."""
         return 0 if self.seen is None else self.seen.size_bytes
 
-    def outlines(self, where: Mask | None) -> Segments:
+    def segments(self, where: Mask | None) -> Segments:
         """Return the outlines of the photo, best first; without a wanted place, do nothing.
 
         Args:
@@ -134,9 +139,9 @@ class AutomaticStudy:
         found: list[Candidate] = []
         for crop, points_xy in self._plan(where):
             found += self._best(list(self._masks(crop, points_xy)), by_crop=False)
-        if self.settings.crop_layers:
+        if self.settings.crop_n_layers:
             found = self._best(found, by_crop=True)
-        if self.settings.min_speck_px:
+        if self.settings.min_mask_region_area:
             found = self._cleaned(found)
         return Segments(size_hw=self._photo_hw, items=tuple(one.segment for one in found))
 
@@ -147,57 +152,57 @@ class AutomaticStudy:
     def _plan(self, where: Mask | None) -> Iterator[tuple[Crop, PointsXy]]:
         """Crops with a point to ask about; the others are never looked at."""
         per_side = self.settings.points_per_side
-        for crop in crops_of(self._photo_hw, layers=self.settings.crop_layers):
+        for crop in crops_of(self._photo_hw, layers=self.settings.crop_n_layers):
             points_xy = grid_points(crop.size_hw, per_side=per_side)
             if where is not None:
                 points_xy = wanted_points(points_xy, crop, where, per_side=per_side)
             if len(points_xy):
                 yield crop, points_xy
 
-    def _look(self, crop: Crop) -> Seen:
+    def _look(self, crop: Crop) -> ImageEmbedding:
         if crop.layer:
             x0, y0, x1, y1 = crop.box_xyxy
-            return self.network.look(self.photo[y0:y1, x0:x1])
+            return self.network.embed(self.photo[y0:y1, x0:x1])
         with self._turn:
             if self.seen is None:
-                self.seen = self.network.look(self.photo)
+                self.seen = self.network.embed(self.photo)
             return self.seen
 
     def _masks(self, crop: Crop, points_xy: PointsXy) -> Iterator[Candidate]:
-        look = self._look(crop)
+        embedding = self._look(crop)
         for start in range(0, len(points_xy), self.settings.points_per_batch):
             batch = points_xy[start : start + self.settings.points_per_batch]
-            logits, scores = self._promising(*self.network.ask(look, batch))
+            logits, scores = self._promising(*self.network.predict(embedding, batch))
             for first in range(0, len(logits), ENLARGED_AT_ONCE):
                 few = slice(first, first + ENLARGED_AT_ONCE)
-                full = self.network.enlarge(look, logits[few])
+                full = self.network.upscale_masks(embedding, logits[few])
                 yield from self._stable(full, scores[few], crop)
 
     def _promising(self, logits: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
         """Drop by score before anything is enlarged."""
-        chosen = self.settings.pred_iou
-        keep = scores > (self.network.pred_iou if chosen is None else chosen)
+        chosen = self.settings.pred_iou_thresh
+        keep = scores > (self.network.pred_iou_thresh if chosen is None else chosen)
         return logits[keep], scores[keep]
 
     def _stable(self, logits: Tensor, scores: Tensor, crop: Crop) -> Iterator[Candidate]:
-        keep = stability_of(logits) >= self.settings.stability
+        keep = stability_score(logits) >= self.settings.stability_score_thresh
         masks = (logits[keep] > 0).cpu().numpy()
         for mask, score in zip(masks, scores[keep].tolist(), strict=True):
             segment = Segment.from_mask(mask, offset_xy=crop.box_xyxy[:2])
             if segment is None:
                 continue
             candidate = Candidate(segment, score, crop)
-            if not cut_off(candidate.box_xyxy, crop, self._photo_hw):
+            if not is_near_crop_edge(candidate.box_xyxy, crop, self._photo_hw):
                 yield candidate
 
     def _best(self, found: list[Candidate], *, by_crop: bool) -> list[Candidate]:
         """Drop repetitions: in a crop the better score stays, between crops the smaller crop."""
         scores = [1 / one.crop.area_px if by_crop else one.score for one in found]
-        return self._distinct(found, scores)
+        return self._suppressed(found, scores)
 
-    def _distinct(self, found: list[Candidate], scores: list[float]) -> list[Candidate]:
+    def _suppressed(self, found: list[Candidate], scores: list[float]) -> list[Candidate]:
         boxes = np.array([one.box_xyxy for one in found], dtype=float).reshape(-1, 4)
-        kept = distinct(boxes, np.array(scores), overlap=self.settings.box_nms)
+        kept = box_nms(boxes, np.array(scores), overlap=self.settings.box_nms_thresh)
         return [found[index] for index in kept]
 
     def _cleaned(self, found: list[Candidate]) -> list[Candidate]:
@@ -206,9 +211,9 @@ class AutomaticStudy:
         untouched: list[float] = []
         for one in found:
             before = one.segment.mask(self._photo_hw)
-            after = without_specks(before, least_px=self.settings.min_speck_px)
+            after = remove_small_regions(before, min_area_px=self.settings.min_mask_region_area)
             segment = Segment.from_mask(after)
             if segment is not None:
                 cleaned.append(Candidate(segment, one.score, one.crop))
                 untouched.append(float(np.array_equal(before, after)))
-        return self._distinct(cleaned, untouched)
+        return self._suppressed(cleaned, untouched)

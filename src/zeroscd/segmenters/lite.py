@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.images.working import resize
+from zeroscd.images.resizing import resize
 from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.boundary import (
     FINEST,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from zeroscd.settings import Settings
 
 LARGEST_SHARE = 0.5  # of a photo; larger regions are the scene, not a thing in it
-LEAST_CELLS = 6  # of the boundary map; smaller regions are its noise
+MIN_CELLS = 6  # of the boundary map; smaller regions are its noise
 
 
 class LiteSegmenter:
@@ -45,17 +45,17 @@ class LiteSegmenter:
     def __init__(self, head: BoundaryHead) -> None:
         self._head = head
 
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> LiteStudy:
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> LiteProposals:
         """Take up a photo.
 
         Args:
             photo: (H, W, 3) uint8 RGB.
             features: The lite encoder's maps of this photo.
         """
-        return LiteStudy(self._head, photo, features)
+        return LiteProposals(self._head, photo, features)
 
 
-class LiteStudy:
+class LiteProposals:
     """A photo and its tree of regions, which is built when it is first needed.
 
     Threads may share it: whoever comes first builds, the others wait for it.
@@ -72,7 +72,7 @@ class LiteStudy:
         tree = self._tree
         return 0 if tree is None else tree.leaf_of.nbytes + tree.first.nbytes + tree.last.nbytes
 
-    def outlines(self, where: Mask | None) -> Segments:
+    def segments(self, where: Mask | None) -> Segments:
         """Return all regions of the tree that touch the wanted places.
 
         Args:
@@ -80,10 +80,10 @@ class LiteStudy:
         """
         hierarchy = self._hierarchy()
         leaf_of = _to_photo(hierarchy.leaf_of, self._photo.shape[:2])
-        least_px = LEAST_CELLS * leaf_of.size / hierarchy.leaf_of.size
+        min_area_px = MIN_CELLS * leaf_of.size / hierarchy.leaf_of.size
         return Segments(
             size_hw=leaf_of.shape,
-            items=tuple(_outlines(hierarchy, leaf_of, where=where, least_px=least_px)),
+            items=tuple(_outlines(hierarchy, leaf_of, where=where, min_area_px=min_area_px)),
         )
 
     def _hierarchy(self) -> Hierarchy:
@@ -117,7 +117,7 @@ def _to_photo(leaf_of: NDArray[np.int32], photo_hw: tuple[int, ...]) -> NDArray[
 
 
 def _outlines(
-    hierarchy: Hierarchy, leaf_of: NDArray[np.int32], *, where: Mask | None, least_px: float
+    hierarchy: Hierarchy, leaf_of: NDArray[np.int32], *, where: Mask | None, min_area_px: float
 ) -> Iterator[Segment]:
     leaves = int(hierarchy.last.max())
     area = _below(hierarchy, np.bincount(leaf_of.ravel(), minlength=leaves))
@@ -127,7 +127,7 @@ def _outlines(
         else _below(hierarchy, np.bincount(leaf_of[where].ravel(), minlength=leaves))
     )
     boxes = _boxes(leaf_of, leaves)
-    fits = (area >= least_px) & (area <= LARGEST_SHARE * leaf_of.size) & (wanted > 0)
+    fits = (area >= min_area_px) & (area <= LARGEST_SHARE * leaf_of.size) & (wanted > 0)
     for node in np.flatnonzero(fits):
         first, last = hierarchy.first[node], hierarchy.last[node]
         left, top = boxes[first:last, :2].min(axis=0)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from zeroscd.records import FeatureMap, Segments
 
 
-class Study(Protocol):
+class MaskProposals(Protocol):
     """One photo as a segmenter knows it: what does not depend on the place is done once.
 
     It may be asked about many places, for a photo has one in every pair and at every threshold.
@@ -20,7 +20,7 @@ class Study(Protocol):
         """What was found out about the photo so far takes this much memory."""
         ...
 
-    def outlines(self, where: Mask | None) -> Segments:
+    def segments(self, where: Mask | None) -> Segments:
         """Return the outlines of the photo.
 
         Args:
@@ -37,7 +37,7 @@ class Segmenter(Protocol):
         """The name by which settings ask for it."""
         ...
 
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> Study:
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> MaskProposals:
         """Take up a photo; the work begins when its outlines are asked for.
 
         Args:

@@ -30,7 +30,7 @@ AT_ONCE_ON_CPU, AT_ONCE_ELSEWHERE = 2, 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class SamImageEmbedding:
     """What a network remembers of a photo.
 
     Attributes:
@@ -76,17 +76,17 @@ class Network:
         ):
             yield
 
-    def ask(self, look: Look, points_xy: PointsXy) -> tuple[Tensor, Tensor]:
+    def predict(self, embedding: SamImageEmbedding, points_xy: PointsXy) -> tuple[Tensor, Tensor]:
         """Answer points, each with three masks: (3 N, h, w) logits and (3 N,) scores.
 
         Args:
-            look: Of the photo.
+            embedding: Of the photo.
             points_xy: (N, 2) in its pixels, counted from their edges.
         """
-        scale = np.array(look.seen_hw[::-1]) / np.array(look.photo_hw[::-1])
+        scale = np.array(embedding.seen_hw[::-1]) / np.array(embedding.photo_hw[::-1])
         with self.computing():
             answers = [
-                decode(self.model.mask_decoder, look.scene, few)
+                decode(self.model.mask_decoder, embedding.scene, few)
                 for few in torch.split(self._prompts(points_xy * scale), self._at_once)
             ]
         logits = torch.cat([answer[0].flatten(0, 1) for answer in answers])
@@ -122,40 +122,40 @@ class Network:
 class SamNetwork(Network):
     """SAM: the photo keeps its shape and is padded at the right or below (arXiv 2304.02643)."""
 
-    pred_iou: float = 0.88  # published default of its automatic mask generator
+    pred_iou_thresh: float = 0.88  # published default of its automatic mask generator
 
-    def look(self, photo: Rgb) -> Look:
+    def embed(self, photo: Rgb) -> SamImageEmbedding:
         """Run the image encoder."""
         scene = self._encoded(sam_pixels(photo, self.side_px))
         seen_hw = seen_size(photo.shape[:2], self.side_px)
-        return Look(scene=scene, photo_hw=photo.shape[:2], seen_hw=seen_hw)
+        return SamImageEmbedding(scene=scene, photo_hw=photo.shape[:2], seen_hw=seen_hw)
 
-    def enlarge(self, look: Look, logits: Tensor) -> Tensor:
+    def upscale_masks(self, embedding: SamImageEmbedding, logits: Tensor) -> Tensor:
         """Bring logits (M, h, w) to the size of the photo, by way of the network's square."""
         square = functional.interpolate(
             logits[:, None], (self.side_px, self.side_px), mode="bilinear"
         )
-        seen = square[..., : look.seen_hw[0], : look.seen_hw[1]]
-        if look.seen_hw == look.photo_hw:
+        seen = square[..., : embedding.seen_hw[0], : embedding.seen_hw[1]]
+        if embedding.seen_hw == embedding.photo_hw:
             return seen[:, 0]
-        return functional.interpolate(seen, look.photo_hw, mode="bilinear")[:, 0]
+        return functional.interpolate(seen, embedding.photo_hw, mode="bilinear")[:, 0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sam2Network(Network):
     """SAM 2: the photo is squeezed into the square (arXiv 2408.00714)."""
 
-    pred_iou: float = 0.8  # published default of its automatic mask generator
+    pred_iou_thresh: float = 0.8  # published default of its automatic mask generator
 
-    def look(self, photo: Rgb) -> Look:
+    def embed(self, photo: Rgb) -> SamImageEmbedding:
         """Run the image encoder."""
         scene = self._encoded(sam2_pixels(photo, self.side_px))
         square = (self.side_px, self.side_px)
-        return Look(scene=scene, photo_hw=photo.shape[:2], seen_hw=square)
+        return SamImageEmbedding(scene=scene, photo_hw=photo.shape[:2], seen_hw=square)
 
-    def enlarge(self, look: Look, logits: Tensor) -> Tensor:
+    def upscale_masks(self, embedding: SamImageEmbedding, logits: Tensor) -> Tensor:
         """Bring logits (M, h, w) to the size of the photo."""
-        return functional.interpolate(logits[:, None], look.photo_hw, mode="bilinear")[:, 0]
+        return functional.interpolate(logits[:, None], embedding.photo_hw, mode="bilinear")[:, 0]
 
 
 def seen_size(photo_hw: tuple[int, int], side_px: int) -> tuple[int, int]:

@@ -20,7 +20,7 @@ SHORT = 2**15  # what a 16-bit number counts up to
 STABILITY_OFFSET = 1.0  # how much higher and lower a mask is cut, in logits (SAM)
 
 
-def stability_of(logits: Tensor) -> Tensor:
+def stability_score(logits: Tensor) -> Tensor:
     """Return how little each mask changes when it is cut a little higher or lower, (M,) 0..1.
 
     The IoU of both cuts; one lies inside the other. A mask that is empty at the lower cut gets 0.
@@ -40,7 +40,7 @@ def _count(masks: Tensor) -> Tensor:
     return masks.sum(dim=2, dtype=short).sum(dim=1, dtype=torch.int32)
 
 
-def distinct(
+def box_nms(
     boxes_xyxy: NDArray[np.float64], scores: NDArray[np.float64], *, overlap: float
 ) -> list[int]:
     """Keep the best of boxes that overlap much: greedy non-maximum suppression.
@@ -68,7 +68,9 @@ def distinct(
     return kept
 
 
-def cut_off(box_xyxy: tuple[int, int, int, int], crop: Crop, photo_hw: tuple[int, int]) -> bool:
+def is_near_crop_edge(
+    box_xyxy: tuple[int, int, int, int], crop: Crop, photo_hw: tuple[int, int]
+) -> bool:
     """Tell whether a mask reaches an edge of its crop that is not an edge of the photo.
 
     Args:
@@ -83,23 +85,23 @@ def cut_off(box_xyxy: tuple[int, int, int, int], crop: Crop, photo_hw: tuple[int
     )
 
 
-def without_specks(mask: Mask, *, least_px: int) -> Mask:
+def remove_small_regions(mask: Mask, *, min_area_px: int) -> Mask:
     """Fill small holes, then drop small islands; if all are small, the largest stays.
 
     Args:
         mask: (H, W); unchanged.
-        least_px: Pixels that a hole or island must have to stay; neighbours touch at corners.
+        min_area_px: Pixels that a hole or island must have to stay; neighbours touch at corners.
     """
-    filled = mask | _components_below(~mask, least_px)
-    small = _components_below(filled, least_px)
+    filled = mask | _components_below(~mask, min_area_px)
+    small = _components_below(filled, min_area_px)
     if small.any() and not (filled & ~small).any():
         small &= ~_largest(filled)
     return filled & ~small
 
 
-def _components_below(mask: Mask, least_px: int) -> Mask:
+def _components_below(mask: Mask, min_area_px: int) -> Mask:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] < least_px
+    small = stats[:, cv2.CC_STAT_AREA] < min_area_px
     small[0] = False  # label 0 is what the mask leaves out
     return np.asarray(small[labels])
 

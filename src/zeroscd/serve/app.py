@@ -14,9 +14,9 @@ from fastapi.openapi.utils import get_openapi
 
 from zeroscd import __version__
 from zeroscd.serve import health, job_routes, problems, rest
-from zeroscd.serve.gate import Gate
 from zeroscd.serve.job_runner import JobRunner
 from zeroscd.serve.job_store import JobStore
+from zeroscd.serve.middleware import Middleware
 from zeroscd.serve.page.mount import Page
 from zeroscd.serve.schemas import ProblemDocument
 
@@ -74,7 +74,7 @@ def make_app(service: Service, state: Path, *, keys: Sequence[str] = ()) -> ASGI
         if path == "/v1/detect":
             service.worker.admit()
 
-    return Gate(
+    return Middleware(
         page.mount(app), limits=service.limits, keys=keys, metrics=service.metrics, admit=admit
     )
 

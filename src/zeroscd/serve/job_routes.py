@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from zeroscd.serve.job_runner import JobRunner
 
 RETRY_SECONDS = "60"
-MOST_NUMBER = 1_000_000
+MAX_NUMBER = 1_000_000
 JobName = Annotated[str, Path(description="As POST /v1/jobs returned it.", max_length=64)]
 
-PairNumber = Annotated[int, Path(description="Counted from 0.", ge=0, le=MOST_NUMBER)]
+PairNumber = Annotated[int, Path(description="Counted from 0.", ge=0, le=MAX_NUMBER)]
 
 
 def router(service: Service, store: JobStore, runner: JobRunner) -> APIRouter:

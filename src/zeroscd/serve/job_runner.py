@@ -11,7 +11,7 @@ from zeroscd.errors import ZeroscdError
 from zeroscd.export.changes import changes_json
 from zeroscd.export.pictures import png
 from zeroscd.serve.job_store import Finished
-from zeroscd.serve.worker import Ticket
+from zeroscd.serve.worker import CancelToken
 
 if TYPE_CHECKING:
     from zeroscd.serve.job_store import JobStore, Work
@@ -71,6 +71,6 @@ class JobRunner:
 
     def _result_of(self, work: Work) -> Finished:
         ask = self._service.ask(work.preset, work.values)
-        evidence = self._service.gather(work.photos, ask, Ticket())
+        evidence = self._service.gather(work.photos, ask, CancelToken())
         result = self._service.decide(evidence, ask)
         return Finished(changes_json(result), png(result.mask))

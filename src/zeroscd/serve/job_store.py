@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Status: TypeAlias = Literal["waiting", "running", "done", "failed"]
 
-MOST_TRIES = 5  # a pair during which the process ended so often is not tried again
+MAX_TRIES = 5  # a pair during which the process ended so often is not tried again
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS jobs (
     id TEXT PRIMARY KEY, created REAL NOT NULL, preset TEXT NOT NULL, settings TEXT NOT NULL);
@@ -167,7 +167,7 @@ class JobStore:
                 "UPDATE pairs SET status = 'failed', before = NULL, after = NULL, "
                 "problem = 'the server stopped each time it compared this pair' "
                 "WHERE status = 'running' AND tries >= ?",
-                (MOST_TRIES,),
+                (MAX_TRIES,),
             )
             db.execute("UPDATE pairs SET status = 'waiting' WHERE status = 'running'")
         return self.count("waiting")

@@ -12,8 +12,8 @@ from zeroscd.serve.media import JSON, PNG, preferred
 from zeroscd.serve.photos import check_photo
 from zeroscd.serve.problems import described
 from zeroscd.serve.schemas import Changes, FrameName, Presets, PresetShown
-from zeroscd.serve.service import Ask, PhotoPair, Service, parse_values
-from zeroscd.serve.worker import Ticket
+from zeroscd.serve.service import DetectRequest, PhotoPair, Service, parse_values
+from zeroscd.serve.worker import CancelToken
 from zeroscd.settings import THRESHOLDS
 
 PHOTO = "JPEG, PNG or WebP; its name is not looked at."
@@ -58,9 +58,9 @@ def router(service: Service) -> APIRouter:
         ask = service.ask(preset, parse_values(settings, frame))
         photos = PhotoPair(await before.read(), await after.read())
         check_pair(photos, service)
-        ticket = Ticket()
-        task = service.worker.submit(lambda: _content(service, photos, ask, ticket, media))
-        return Response(await service.wait_for(task, ticket, request), media_type=media)
+        cancel_token = CancelToken()
+        task = service.worker.submit(lambda: _content(service, photos, ask, cancel_token, media))
+        return Response(await service.wait_for(task, cancel_token, request), media_type=media)
 
     @routes.get("/presets", response_model=Presets)
     async def presets() -> Presets:
@@ -97,6 +97,8 @@ def check_pair(photos: PhotoPair, service: Service, *, number: int | None = None
     check_photo(photos.after, name=f"the photo after{of_pair}", limits=service.limits)
 
 
-def _content(service: Service, photos: PhotoPair, ask: Ask, ticket: Ticket, media: str) -> bytes:
-    result = service.decide(service.gather(photos, ask, ticket), ask)
+def _content(
+    service: Service, photos: PhotoPair, ask: DetectRequest, cancel_token: CancelToken, media: str
+) -> bytes:
+    result = service.decide(service.gather(photos, ask, cancel_token), ask)
     return png(result.mask) if media == PNG else changes_json(result)

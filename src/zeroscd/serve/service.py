@@ -7,13 +7,13 @@ import json
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from zeroscd.clock import Clock
 from zeroscd.errors import SettingsError
 from zeroscd.images.read import read_photo
 from zeroscd.serve.metrics import Metrics
 from zeroscd.serve.problems import Kind, Problem
-from zeroscd.serve.worker import Ticket, Worker
+from zeroscd.serve.worker import CancelToken, Worker
 from zeroscd.settings import THRESHOLDS
+from zeroscd.timer import StageTimer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -34,7 +34,7 @@ LOOK_SECONDS = 1.0  # between two looks whether the client is still there
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class DetectRequest:
     """How a pair is to be compared.
 
     Attributes:
@@ -65,7 +65,7 @@ class Service:
     def __init__(self, detectors: Mapping[str, Detector], limits: Limits) -> None:
         self.detectors = detectors
         self.limits = limits
-        self.worker = Worker(most_waiting=limits.waiting)
+        self.worker = Worker(max_waiting=limits.waiting)
         self.metrics = Metrics()
         self.metrics.watch(
             "zeroscd_waiting", "Requests that wait for the worker", lambda: self.worker.waiting
@@ -76,7 +76,7 @@ class Service:
         """The preset of requests that name none."""
         return next(iter(self.detectors))
 
-    def ask(self, preset: str | None, values: Mapping[str, object]) -> Ask:
+    def ask(self, preset: str | None, values: Mapping[str, object]) -> DetectRequest:
         """Combine a served preset with thresholds of one's own.
 
         Raises:
@@ -91,43 +91,47 @@ class Service:
             if setting not in THRESHOLDS:
                 message = f"setting {setting!r} cannot be changed here; {_choose()}"
                 raise SettingsError(message)
-        return Ask(name, self.detectors[name].settings.override(values))
+        return DetectRequest(name, self.detectors[name].settings.override(values))
 
     def gather(
-        self, photos: PhotoPair, ask: Ask, ticket: Ticket, tell: Callable[[str], None] | None = None
+        self,
+        photos: PhotoPair,
+        ask: DetectRequest,
+        cancel_token: CancelToken,
+        tell: Callable[[str], None] | None = None,
     ) -> Evidence:
         """Read and compare two photos; runs in the worker's thread.
 
         Args:
             photos: Checked at the door, not decoded yet.
             ask: Whose preset counts.
-            ticket: Asked between the steps whether anybody still waits.
+            cancel_token: Asked between the steps whether anybody still waits.
             tell: Called with the name of each step.
 
         Raises:
             ImageError: A photo is damaged.
         """
-        detector, clock, say = self.detectors[ask.preset], Clock(), tell or (lambda _: None)
+        detector, clock, say = self.detectors[ask.preset], StageTimer(), tell or (lambda _: None)
         say("read")
         with clock.stage("read"):
             pair = [self._read(photos.before, "before"), self._read(photos.after, "after")]
-        ticket.check()
+        cancel_token.check()
         say("look")
         with clock.stage("encode"):
-            views = detector.look(pair)
-        ticket.check()
+            views = detector.encode(pair)
+        cancel_token.check()
         say("compare")
         evidence = detector.compare(*views)
-        ticket.check()
+        cancel_token.check()
         return replace(evidence, seconds={**clock.seconds, **evidence.seconds})
 
-    def decide(self, evidence: Evidence, ask: Ask) -> ChangeResult:
+    def decide(self, evidence: Evidence, ask: DetectRequest) -> ChangeResult:
         """Turn evidence into a result; runs in the worker's thread."""
         result = self.detectors[ask.preset].decide(evidence, ask.settings)
         self.metrics.time(result.seconds)
         return result
 
-    async def wait_for(self, task: Future[T], ticket: Ticket, request: Request) -> T:
+    async def wait_for(self, task: Future[T], cancel_token: CancelToken, request: Request) -> T:
         """Wait for a task as long as its client does, and not too long.
 
         Raises:
@@ -146,7 +150,7 @@ class Service:
                     raise Problem(Kind.SLOW_UPLOAD, "the client is gone")
             return answer.result()
         finally:
-            ticket.give_up()
+            cancel_token.give_up()
             answer.cancel()
 
     def _read(self, data: bytes, when: str) -> Rgb:

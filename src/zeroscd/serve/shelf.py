@@ -26,15 +26,15 @@ class Shelf(Generic[T]):
     """Keeps what was used last, within a weight and an age.
 
     Args:
-        most_weight: Of all things together; those unused for longest go first.
+        max_weight: Of all things together; those unused for longest go first.
         seconds: After its last use a thing is forgotten.
         clock: Tells the time in seconds.
     """
 
     def __init__(
-        self, *, most_weight: int, seconds: float, clock: Callable[[], float] = time.monotonic
+        self, *, max_weight: int, seconds: float, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._most_weight = most_weight
+        self._max_weight = max_weight
         self._seconds = seconds
         self._clock = clock
         self._entries: OrderedDict[str, _Entry[T]] = OrderedDict()
@@ -73,7 +73,7 @@ class Shelf(Generic[T]):
         total = sum(entry.weight for entry in self._entries.values())
         for name, entry in list(self._entries.items()):
             is_last = len(self._entries) == 1
-            if entry.used >= oldest_allowed and (total <= self._most_weight or is_last):
+            if entry.used >= oldest_allowed and (total <= self._max_weight or is_last):
                 break
             total -= entry.weight
             del self._entries[name]

@@ -17,10 +17,10 @@ T = TypeVar("T")
 
 FIRST_GUESS_SECONDS = 2.0  # of a task, before one was timed
 MEMORY = 0.8  # weight of the past in the running mean of a task's time
-MOST_RETRY_SECONDS = 120
+MAX_RETRY_SECONDS = 120
 
 
-class Ticket:
+class CancelToken:
     """Whether anybody still waits for a task; it asks between its steps."""
 
     def __init__(self) -> None:
@@ -43,8 +43,8 @@ class Ticket:
 class Worker:
     """A thread for what needs all processors; networks gain nothing from running side by side."""
 
-    def __init__(self, *, most_waiting: int) -> None:
-        self._most_waiting = most_waiting
+    def __init__(self, *, max_waiting: int) -> None:
+        self._max_waiting = max_waiting
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="zeroscd-work")
         self._tasks: set[Future[Any]] = set()
         self._lock = threading.Lock()
@@ -63,9 +63,9 @@ class Worker:
             Problem: Too many do; says when to come again.
         """
         waiting = self.waiting
-        if waiting < self._most_waiting:
+        if waiting < self._max_waiting:
             return
-        seconds = min(MOST_RETRY_SECONDS, max(1, math.ceil(waiting * self._mean_seconds)))
+        seconds = min(MAX_RETRY_SECONDS, max(1, math.ceil(waiting * self._mean_seconds)))
         message = f"{waiting} requests wait already; try again in {seconds} seconds"
         raise Problem(Kind.BUSY, message, headers={"Retry-After": str(seconds)})
 

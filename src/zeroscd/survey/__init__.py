@@ -6,7 +6,7 @@ from zeroscd.survey import survey
 summary = survey(["today/elm.jpg"], PlaceIndex.open("places"), "changes")
 """
 
-from zeroscd.survey.run import Summary, compare, look, survey
-from zeroscd.survey.sighting import Rules, Sighting
+from zeroscd.survey.matching import MatchRules, PhotoMatch
+from zeroscd.survey.run import Summary, compare, match_photos, survey
 
-__all__ = ["Rules", "Sighting", "Summary", "compare", "look", "survey"]
+__all__ = ["MatchRules", "PhotoMatch", "Summary", "compare", "match_photos", "survey"]

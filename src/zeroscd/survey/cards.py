@@ -6,14 +6,14 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from zeroscd.export.folder import REPORT
+from zeroscd.export.files import REPORT
 from zeroscd.export.regions import SIGNS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from zeroscd.survey.findings import Finding
-    from zeroscd.survey.sighting import Sighting
+    from zeroscd.survey.compared_pairs import ComparedPair
+    from zeroscd.survey.matching import PhotoMatch
     from zeroscd.survey.thumbs import Thumb
 
 KINDS = ("removed", "added")
@@ -22,38 +22,39 @@ DATE = 10  # characters of an ISO time that are its date
 
 def card(
     rank: int,
-    finding: Finding,
+    compared_pair: ComparedPair,
     thumbs: tuple[Thumb, Thumb],
     *,
-    sighting: Sighting,
+    match: PhotoMatch,
     linked: bool,
 ) -> str:
     """Return the list item of a place.
 
     Args:
         rank: 1 is the worst.
-        finding: What changed there.
+        compared_pair: What changed there.
         thumbs: Of the photos before and after.
-        sighting: How the old photo was found.
+        match: How the old photo was found.
         linked: Whether the pair has a report of its own.
     """
-    name, pair = escape(finding.name), finding.pair
+    name, pair = escape(compared_pair.name), compared_pair.pair
     link = (
-        f'<a href="{quote(finding.name)}/{REPORT}" aria-label="Report of {name}">open report</a>'
+        f'<a href="{quote(compared_pair.name)}/{REPORT}" aria-label="Report of {name}">'
+        "open report</a>"
         if linked
         else ""
     )
     shots = "".join(
-        _shot(thumb, when, pair, [one for one in finding.changes if one["frame"] == frame])
+        _shot(thumb, when, pair, [one for one in compared_pair.changes if one["frame"] == frame])
         for thumb, when, frame in zip(thumbs, ("before", "after"), ("t0", "t1"), strict=True)
     )
     return (
         f'<li class="card" id="place-{rank}" data-rank="{rank}" data-name="{name}" '
-        f'data-score="{_highest(finding.changes):.4f}">'
+        f'data-score="{_highest(compared_pair.changes):.4f}">'
         f'<h3><span class="rank">{rank}</span><span class="name">{name}</span>{link}</h3>'
         f'<div class="thumbs">{shots}</div>'
-        f'<p class="found">{_kinds(finding.changes)}</p>'
-        f'<p class="how">{escape(_how(pair, sighting))}</p></li>'
+        f'<p class="found">{_kinds(compared_pair.changes)}</p>'
+        f'<p class="how">{escape(_how(pair, match))}</p></li>'
     )
 
 
@@ -103,10 +104,10 @@ def _kinds(changes: Iterable[Mapping[str, Any]]) -> str:
     return " ".join(parts)
 
 
-def _how(pair: Mapping[str, Any], sighting: Sighting) -> str:
-    parts = [f"recognised by {sighting.inliers} patches"]
-    if sighting.metres is not None:
-        parts.append(f"taken {sighting.metres:.0f} m apart")
+def _how(pair: Mapping[str, Any], match: PhotoMatch) -> str:
+    parts = [f"recognised by {match.inliers} patches"]
+    if match.metres is not None:
+        parts.append(f"taken {match.metres:.0f} m apart")
     if not pair["aligned"]:
         parts.append(f"not aligned: {pair['not_aligned']}")
     return "; ".join(parts)

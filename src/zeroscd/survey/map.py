@@ -11,20 +11,20 @@ from zeroscd.retrieval.gps import METRES_A_DEGREE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from zeroscd.survey.findings import Finding
+    from zeroscd.survey.compared_pairs import ComparedPair
 
 WIDTH = 1000.0  # of the drawing, in its own units
 MARGIN = 60.0
-LEAST_SHAPE, MOST_SHAPE = 0.45, 1.0  # height by width
-LEAST_SPAN_M = 40.0  # a single street corner is not blown up any further
-LEAST_DOT, MOST_DOT = 9.0, 26.0  # radii
+MIN_SHAPE, MAX_SHAPE = 0.45, 1.0  # height by width
+MIN_SPAN_M = 40.0  # a single street corner is not blown up any further
+MIN_DOT, MAX_DOT = 9.0, 26.0  # radii
 BAR_SHARE = 0.25  # of the width, at most, for the scale bar
 
 
-def draw_map(findings: Sequence[Finding]) -> str:
+def draw_map(compared: Sequence[ComparedPair]) -> str:
     """Draw a dot for every place that says where it is, larger where more changed, as SVG."""
     located = [
-        (rank, one) for rank, one in enumerate(findings, 1) if one.pair["latitude"] is not None
+        (rank, one) for rank, one in enumerate(compared, 1) if one.pair["latitude"] is not None
     ]
     if not located:
         return '<p class="none">No photo says where it was taken, so there is no map.</p>'
@@ -36,7 +36,7 @@ def draw_map(findings: Sequence[Finding]) -> str:
     for rank, one in reversed(located):  # the worst on top
         east_m, north_m = _offset_m(middle, one)
         x, y = WIDTH / 2 + scale * east_m, height / 2 - scale * north_m
-        radius = LEAST_DOT + (MOST_DOT - LEAST_DOT) * math.sqrt(one.severity / most)
+        radius = MIN_DOT + (MAX_DOT - MIN_DOT) * math.sqrt(one.severity / most)
         name = escape(one.name)
         dots.append(
             # Not in the tab order: the list below has the same places, in a better one.
@@ -51,23 +51,23 @@ def draw_map(findings: Sequence[Finding]) -> str:
     )
 
 
-def _frame(findings: Sequence[Finding]) -> tuple[tuple[float, float], float, float]:
+def _frame(compared: Sequence[ComparedPair]) -> tuple[tuple[float, float], float, float]:
     """Return the middle (latitude, longitude), the metres across, and height by width."""
-    latitudes = [float(one.pair["latitude"]) for one in findings]
-    first = float(findings[0].pair["longitude"])
+    latitudes = [float(one.pair["latitude"]) for one in compared]
+    first = float(compared[0].pair["longitude"])
     # Longitudes relative to the first: nothing tears at the date line.
-    aside = [_turn(float(one.pair["longitude"]) - first) for one in findings]
+    aside = [_turn(float(one.pair["longitude"]) - first) for one in compared]
     latitude = (min(latitudes) + max(latitudes)) / 2
     longitude = first + (min(aside) + max(aside)) / 2
     north_m = METRES_A_DEGREE * (max(latitudes) - min(latitudes))
     east_m = METRES_A_DEGREE * (max(aside) - min(aside)) * math.cos(math.radians(latitude))
-    across = max(east_m, LEAST_SPAN_M)
-    shape = min(max(north_m / across, LEAST_SHAPE), MOST_SHAPE)
+    across = max(east_m, MIN_SPAN_M)
+    shape = min(max(north_m / across, MIN_SHAPE), MAX_SHAPE)
     inner = (WIDTH * shape - 2 * MARGIN) / (WIDTH - 2 * MARGIN)
     return (latitude, longitude), max(across, north_m / inner), shape
 
 
-def _offset_m(middle: tuple[float, float], one: Finding) -> tuple[float, float]:
+def _offset_m(middle: tuple[float, float], one: ComparedPair) -> tuple[float, float]:
     """East and north of the middle; a street's or a city's extent is flat."""
     north = float(one.pair["latitude"]) - middle[0]
     east = _turn(float(one.pair["longitude"]) - middle[1])

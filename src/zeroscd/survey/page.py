@@ -15,12 +15,12 @@ from zeroscd.survey.map import draw_map
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from zeroscd.survey.findings import Finding
-    from zeroscd.survey.sighting import Sighting
+    from zeroscd.survey.compared_pairs import ComparedPair
+    from zeroscd.survey.matching import PhotoMatch
     from zeroscd.survey.thumbs import Thumb
 
-MOST_CARDS = 1000  # places on the page; all are in the tables
-MOST_LISTED = 2000  # photos without a comparison, named one by one
+MAX_CARDS = 1000  # places on the page; all are in the tables
+MAX_LISTED = 2000  # photos without a comparison, named one by one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,15 +30,15 @@ class Content:
     Attributes:
         cards: The worst pairs, worst first.
         thumbs: Pictures before and after, by name of the pair.
-        sightings: Of all new photos, in the order of the manifest.
+        matches: Of all new photos, in the order of the manifest.
         failures: Rows of `pairs.parquet` that could not be compared.
         reports: Names of pairs that have a report of their own.
         everything: Number of compared pairs.
     """
 
-    cards: Sequence[Finding]
+    cards: Sequence[ComparedPair]
     thumbs: Mapping[str, tuple[Thumb, Thumb]]
-    sightings: Sequence[Sighting]
+    matches: Sequence[PhotoMatch]
     failures: Sequence[Mapping[str, Any]]
     reports: frozenset[str]
     everything: int
@@ -55,12 +55,12 @@ def render_page(content: Content) -> str:
         "cards": "\n".join(
             card(
                 rank,
-                finding,
-                content.thumbs[finding.name],
-                sighting=content.sightings[finding.pair["row"] - 1],
-                linked=finding.name in content.reports,
+                compared_pair,
+                content.thumbs[compared_pair.name],
+                match=content.matches[compared_pair.pair["row"] - 1],
+                linked=compared_pair.name in content.reports,
             )
-            for rank, finding in enumerate(changed, 1)
+            for rank, compared_pair in enumerate(changed, 1)
         )
         or '<li class="none">Nothing changed anywhere.</li>',
         "count": str(len(changed)),
@@ -72,18 +72,16 @@ def render_page(content: Content) -> str:
     return Template(asset("survey", "survey.html")).substitute(parts)
 
 
-def _headline(content: Content, changed: Sequence[Finding]) -> str:
-    more = len(content.cards) == MOST_CARDS and content.everything > MOST_CARDS
+def _headline(content: Content, changed: Sequence[ComparedPair]) -> str:
+    more = len(content.cards) == MAX_CARDS and content.everything > MAX_CARDS
     worst = "The worst " if more else ""
     return f"{worst}{_counted(len(changed), 'place')} changed of {content.everything} compared"
 
 
 def _summary(content: Content) -> str:
-    unmatched = sum(one.old is None for one in content.sightings)
+    unmatched = sum(one.old is None for one in content.matches)
     regions = sum(len(one.changes) for one in content.cards)
-    text = (
-        f"{_counted(len(content.sightings), 'new photo')}, {_counted(regions, 'changed region')}."
-    )
+    text = f"{_counted(len(content.matches), 'new photo')}, {_counted(regions, 'changed region')}."
     if unmatched:
         text += f" Without an old photo of the same place: {unmatched}; listed below."
     return text
@@ -97,11 +95,11 @@ def _listed(failures: Sequence[Mapping[str, Any]]) -> str:
     rows = "\n".join(
         f"<tr><td>{escape(str(row['after'] or row['id']))}</td>"
         f"<td>{escape(str(row['error']))}</td></tr>"
-        for row in failures[:MOST_LISTED]
+        for row in failures[:MAX_LISTED]
     )
     if not failures:
         return '<p class="none">Every new photo was compared with an old one.</p>'
-    more = len(failures) - MOST_LISTED
+    more = len(failures) - MAX_LISTED
     rest = f"<p>And {more} more; see pairs.parquet.</p>" if more > 0 else ""
     return (
         '<div class="scroll"><table><thead><tr><th scope="col">New photo</th>'

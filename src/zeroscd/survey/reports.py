@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from zeroscd.errors import OutputError
 from zeroscd.export.coco import MarkedPhoto, coco
-from zeroscd.export.folder import REPORT, replacing
+from zeroscd.export.files import REPORT
 from zeroscd.export.geojson import feature, geojson_lines
-from zeroscd.result import Region
-from zeroscd.survey.findings import read_failures, read_findings
-from zeroscd.survey.page import MOST_CARDS, Content, render_page
+from zeroscd.output import replacing
+from zeroscd.records import Region
+from zeroscd.survey.compared_pairs import read_compared_pairs, read_failures
+from zeroscd.survey.page import MAX_CARDS, Content, render_page
 from zeroscd.survey.thumbs import draw_thumbs
 
 if TYPE_CHECKING:
@@ -20,18 +21,18 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
-    from zeroscd.survey.findings import Finding
-    from zeroscd.survey.sighting import Sighting
+    from zeroscd.survey.compared_pairs import ComparedPair
+    from zeroscd.survey.matching import PhotoMatch
 
 GEOJSON, COCO = "changes.geojson", "coco.json"
 
 
-def write_reports(folder: Path, sightings: Sequence[Sighting]) -> Path:
+def write_reports(folder: Path, matches: Sequence[PhotoMatch]) -> Path:
     """Write all of it beside the tables of a batch, and return where the page lies.
 
     Args:
         folder: Holds `pairs.parquet` and `changes.parquet`.
-        sightings: In the order of the batch's manifest.
+        matches: In the order of the batch's manifest.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -39,15 +40,15 @@ def write_reports(folder: Path, sightings: Sequence[Sighting]) -> Path:
     try:
         _write(folder / GEOJSON, geojson_lines(_features(folder)))
         _write(folder / COCO, _coco_text(folder))
-        worst = nlargest(MOST_CARDS, read_findings(folder), key=lambda one: one.severity)
+        worst = nlargest(MAX_CARDS, read_compared_pairs(folder), key=lambda one: one.severity)
         thumbs = draw_thumbs(worst, folder)
         content = Content(
             cards=worst,
             thumbs=thumbs,
-            sightings=sightings,
+            matches=matches,
             failures=tuple(read_failures(folder)),
             reports=frozenset(one.name for one in worst if (folder / one.name / REPORT).exists()),
-            everything=sum(1 for _ in read_findings(folder)),
+            everything=sum(1 for _ in read_compared_pairs(folder)),
         )
         _write(folder / REPORT, [render_page(content).encode("utf-8", "replace")])
     except OSError as error:
@@ -57,26 +58,30 @@ def write_reports(folder: Path, sightings: Sequence[Sighting]) -> Path:
 
 
 def _features(folder: Path) -> Iterator[dict[str, Any]]:
-    for finding in read_findings(folder):
-        page = f"{finding.name}/{REPORT}"
+    for compared_pair in read_compared_pairs(folder):
+        page = f"{compared_pair.name}/{REPORT}"
         links = {"report": page} if (folder / page).exists() else {}
-        for change in finding.changes:
-            yield feature(change, finding.pair, links=links)
+        for change in compared_pair.changes:
+            yield feature(change, compared_pair.pair, links=links)
 
 
 def _coco_text(folder: Path) -> Iterator[bytes]:
-    photos = (photo for finding in read_findings(folder) for photo in _marked(finding))
+    photos = (
+        photo for compared_pair in read_compared_pairs(folder) for photo in _marked(compared_pair)
+    )
     yield (json.dumps(coco(photos), allow_nan=False) + "\n").encode("ascii")
 
 
-def _marked(finding: Finding) -> Iterator[MarkedPhoto]:
+def _marked(compared_pair: ComparedPair) -> Iterator[MarkedPhoto]:
     """Yield both photos as far as they show a change: the tables know no others' sizes."""
     for frame, column in (("t0", "before"), ("t1", "after")):
-        own = [change for change in finding.changes if change["frame"] == frame]
+        own = [change for change in compared_pair.changes if change["frame"] == frame]
         if own:
             size_hw = own[0]["height"], own[0]["width"]
             regions = [_region(change) for change in own]
-            yield MarkedPhoto(file_name=str(finding.pair[column]), size_hw=size_hw, regions=regions)
+            yield MarkedPhoto(
+                file_name=str(compared_pair.pair[column]), size_hw=size_hw, regions=regions
+            )
 
 
 def _region(change: Mapping[str, Any]) -> Region:

@@ -10,13 +10,13 @@ from zeroscd import batch
 from zeroscd.batch.names import stem
 from zeroscd.batch.task import Row
 from zeroscd.errors import DatasetError, ImageError
-from zeroscd.export.folder import check_target, make_folder
 from zeroscd.fingerprint import digest, digest_values
 from zeroscd.images.read import read_file
+from zeroscd.output import check_target, make_folder
 from zeroscd.progress import Silent
-from zeroscd.survey.book import Book
+from zeroscd.survey.match_ledger import MatchLedger
+from zeroscd.survey.matching import MatchRules, PhotoMatch, match_photo
 from zeroscd.survey.reports import write_reports
-from zeroscd.survey.sighting import Rules, Sighting, sight
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,19 +31,19 @@ class Summary:
     """What a survey did.
 
     Attributes:
-        sightings: What was found for each new photo, in their order.
+        matches: What was found for each new photo, in their order.
         batch: What the comparison did.
         report: The page to read first.
     """
 
-    sightings: tuple[Sighting, ...] = field(repr=False)
+    matches: tuple[PhotoMatch, ...] = field(repr=False)
     batch: batch.Summary
     report: Path
 
     @property
     def matched(self) -> int:
         """New photos with an old one of the same place."""
-        return sum(one.old is not None for one in self.sightings)
+        return sum(one.old is not None for one in self.matches)
 
 
 def survey(
@@ -51,12 +51,12 @@ def survey(
     index: PlaceIndex,
     out: str | Path,
     *,
-    rules: Rules | None = None,
+    rules: MatchRules | None = None,
     options: batch.Options | None = None,
 ) -> Summary:
     """Find the old photo of each new one, compare both, and write tables, maps and a report.
 
-    The same as `look` and `compare`. A survey that was stopped, in whatever way, continues when
+    The same as `match_photos` and `compare`. A survey that was stopped continues when
     it is started again with the same folder. A photo without an old one is a row with the reason.
 
     Args:
@@ -71,17 +71,17 @@ def survey(
         OutputError: The folder cannot be written.
         ZeroscdError: The detector cannot be made.
     """
-    return compare(look(photos, index, out, rules=rules), out, options=options)
+    return compare(match_photos(photos, index, out, rules=rules), out, options=options)
 
 
-def look(
+def match_photos(
     photos: Sequence[str | Path],
     index: PlaceIndex,
     out: str | Path,
     *,
-    rules: Rules | None = None,
+    rules: MatchRules | None = None,
     progress: Progress | None = None,
-) -> list[Sighting]:
+) -> list[PhotoMatch]:
     """Look for every new photo's place, unless an earlier run found it in the same index.
 
     Args:
@@ -98,25 +98,25 @@ def look(
     if not len(index):
         message = "the place index is empty; add old photos: zeroscd index build PHOTOS -o PLACES"
         raise DatasetError(message)
-    chosen, listener, folder = rules or Rules(), progress or Silent(), Path(out)
+    chosen, listener, folder = rules or MatchRules(), progress or Silent(), Path(out)
     check_target(folder)
     make_folder(folder)
-    book, found = Book(folder), []
+    ledger, found = MatchLedger(folder), []
     state = digest_values({"index": index.state(), "rules": repr(chosen)})
     listener.begin(len(photos))
     for path in map(str, photos):
         key = _key(path, state)
-        known = book.get(key) if key else None
-        sighting = known or sight(path, index, chosen)
+        known = ledger.get(key) if key else None
+        match = known or match_photo(path, index, chosen)
         if key and known is None:
-            book.add(key, sighting)
-        found.append(sighting)
+            ledger.add(key, match)
+        found.append(match)
         listener.advance(Path(path).name, reused=known is not None)
     return found
 
 
 def compare(
-    sightings: Sequence[Sighting],
+    matches: Sequence[PhotoMatch],
     out: str | Path,
     *,
     options: batch.Options | None = None,
@@ -126,7 +126,7 @@ def compare(
     """Compare every new photo with its old one, and write tables, maps and the report.
 
     Args:
-        sightings: As `look` returns them.
+        matches: As `match_photos` returns them.
         out: Folder for the results, on a disk of this machine.
         options: How pairs are compared, and which files are kept of each.
         engine: Where they are compared; this process if not given.
@@ -136,10 +136,10 @@ def compare(
         OutputError: The folder cannot be written.
         ZeroscdError: The detector cannot be made.
     """
-    manifest = batch.Manifest(base=".", rows=lambda: (_row(one) for one in sightings))
+    manifest = batch.Manifest(base=".", rows=lambda: (_row(one) for one in matches))
     done = batch.run(manifest, out, options=options, engine=engine, progress=progress)
-    report = write_reports(Path(out), sightings)
-    return Summary(sightings=tuple(sightings), batch=done, report=report)
+    report = write_reports(Path(out), matches)
+    return Summary(matches=tuple(matches), batch=done, report=report)
 
 
 def _key(path: str, state: str) -> str | None:
@@ -149,5 +149,5 @@ def _key(path: str, state: str) -> str | None:
         return None  # whoever looks at it will say why
 
 
-def _row(one: Sighting) -> Row:
+def _row(one: PhotoMatch) -> Row:
     return Row(before=one.old, after=one.new, id=stem(one.new), error=one.reason)

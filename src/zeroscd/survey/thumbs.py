@@ -9,13 +9,13 @@ from zeroscd.batch.address import Fetcher
 from zeroscd.errors import ImageError
 from zeroscd.export.pictures import jpeg
 from zeroscd.images.read import read_photo
-from zeroscd.images.working import resize
+from zeroscd.images.resizing import resize
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from zeroscd.survey.findings import Finding
+    from zeroscd.survey.compared_pairs import ComparedPair
 
 FOLDER = "thumbs"
 LONGEST_PX = 480  # twice what a card shows on a phone: sharp there, small enough for a thousand
@@ -36,7 +36,7 @@ class Thumb:
     size_hw: tuple[int, int]
 
 
-def draw_thumbs(findings: Iterable[Finding], folder: Path) -> dict[str, tuple[Thumb, Thumb]]:
+def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, tuple[Thumb, Thumb]]:
     """Write thumbnails of the photos before and after of each pair; by name of the pair.
 
     Raises:
@@ -45,13 +45,21 @@ def draw_thumbs(findings: Iterable[Finding], folder: Path) -> dict[str, tuple[Th
     (folder / FOLDER).mkdir(exist_ok=True)
     fetch = Fetcher(TIMEOUT_S)
     return {
-        finding.name: (
+        compared_pair.name: (
             _draw(
-                str(finding.pair["before"]), f"{FOLDER}/{finding.name}-before.jpg", folder, fetch
+                str(compared_pair.pair["before"]),
+                f"{FOLDER}/{compared_pair.name}-before.jpg",
+                folder,
+                fetch,
             ),
-            _draw(str(finding.pair["after"]), f"{FOLDER}/{finding.name}-after.jpg", folder, fetch),
+            _draw(
+                str(compared_pair.pair["after"]),
+                f"{FOLDER}/{compared_pair.name}-after.jpg",
+                folder,
+                fetch,
+            ),
         )
-        for finding in findings
+        for compared_pair in compared
     }
 
 

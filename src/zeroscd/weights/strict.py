@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from torch import Tensor, nn
 
-MOST_NAMES = 12  # in one message; a wrong file lacks hundreds, and a line must stay a line
+MAX_NAMES = 12  # in one message; a wrong file lacks hundreds, and a line must stay a line
 
 
 def load_strictly(network: nn.Module, tensors: Mapping[str, Tensor], *, source: str) -> None:
@@ -51,5 +51,5 @@ def _misfits(wanted: Mapping[str, Tensor], tensors: Mapping[str, Tensor]) -> lis
 def _named(fault: str, names: list[str]) -> list[str]:
     if not names:
         return []
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return [f"{fault}: {', '.join(names[:MOST_NAMES])}{more}"]
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return [f"{fault}: {', '.join(names[:MAX_NAMES])}{more}"]

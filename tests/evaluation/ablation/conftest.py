@@ -50,7 +50,9 @@ class CountingSegmenter:
     def __init__(self) -> None:
         self.asked = 0
 
-    def study(self, photo: NDArray[np.uint8], features: tuple[FeatureMap, ...]) -> CountingStudy:
+    def proposals(
+        self, photo: NDArray[np.uint8], features: tuple[FeatureMap, ...]
+    ) -> CountingStudy:
         return CountingStudy(self, photo.shape[:2])
 
 
@@ -62,7 +64,7 @@ class CountingStudy:
     size_hw: tuple[int, int]
     size_bytes: int = 0
 
-    def outlines(self, where: NDArray[np.bool_] | None) -> Segments:
+    def segments(self, where: NDArray[np.bool_] | None) -> Segments:
         self.segmenter.asked += 1
         mask = np.zeros(self.size_hw, bool)
         mask[3:9, 5:8] = mask[5, 8] = True

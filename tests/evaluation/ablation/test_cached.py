@@ -48,14 +48,14 @@ def test_outlines_are_computed_once_and_come_back_as_they_were(
     cached, restarted = (
         CachedSegmenter(segmenter, store, identity="same", reads_features=True) for _ in range(2)
     )
-    first = cached.study(PHOTO, features).outlines(None)
-    second = restarted.study(PHOTO, features).outlines(None)
+    first = cached.proposals(PHOTO, features).segments(None)
+    second = restarted.proposals(PHOTO, features).segments(None)
     assert segmenter.asked == 1
     assert second.size_hw == first.size_hw
     for one, other in zip(first, second, strict=True):
         assert (one.bbox_xywh, one.area_px) == (other.bbox_xywh, other.area_px)
         assert np.array_equal(one.mask(first.size_hw), other.mask(first.size_hw))
-    cached.study(PHOTO, features).outlines(np.ones((40, 80), bool))
+    cached.proposals(PHOTO, features).segments(np.ones((40, 80), bool))
     assert segmenter.asked == 2
 
 
@@ -65,12 +65,12 @@ def test_a_segmenter_that_only_looks_at_the_photo_is_shared_by_all_encoders(
     features = encoder.encode([PHOTO])[0]
     others = tuple(replace(one, descriptors=one.descriptors + 1) for one in features)
     blind = CachedSegmenter(segmenter, store, identity="same", reads_features=False)
-    blind.study(PHOTO, features).outlines(None)
-    blind.study(PHOTO, others).outlines(None)
+    blind.proposals(PHOTO, features).segments(None)
+    blind.proposals(PHOTO, others).segments(None)
     assert segmenter.asked == 1
     seeing = CachedSegmenter(segmenter, store, identity="same", reads_features=True)
-    seeing.study(PHOTO, features).outlines(None)
-    seeing.study(PHOTO, others).outlines(None)
+    seeing.proposals(PHOTO, features).segments(None)
+    seeing.proposals(PHOTO, others).segments(None)
     assert segmenter.asked == 3
 
 
@@ -80,14 +80,14 @@ def test_a_photo_without_any_outline_is_remembered_too(store: ArrayStore) -> Non
     class Nothing:
         name, size_bytes = "nothing", 0
 
-        def study(self, photo: Any, features: Any) -> Nothing:
+        def proposals(self, photo: Any, features: Any) -> Nothing:
             return self
 
-        def outlines(self, where: Any) -> Segments:
+        def segments(self, where: Any) -> Segments:
             asked.append(where)
             return Segments(size_hw=(40, 80), items=())
 
     for _ in range(2):
         cached = CachedSegmenter(Nothing(), store, identity="", reads_features=True)
-        assert len(cached.study(PHOTO, ()).outlines(None)) == 0
+        assert len(cached.proposals(PHOTO, ()).segments(None)) == 0
     assert len(asked) == 1

@@ -44,12 +44,12 @@ class ToyWorkshop:
 
         @dataclass
         class Asking(self.toy.ToyDetector):  # type: ignore[name-defined,misc]
-            def look(self, photos: Any) -> Any:
+            def encode(self, photos: Any) -> Any:
                 return list(zip(photos, models.encoder.encode(photos), strict=True))
 
-            def compare(self, view_t0: Any, view_t1: Any) -> Any:
-                (before, features), (after, _) = view_t0, view_t1
-                models.segmenter.study(before, features).outlines(None)
+            def compare(self, photo_t0: Any, photo_t1: Any) -> Any:
+                (before, features), (after, _) = photo_t0, photo_t1
+                models.segmenter.proposals(before, features).segments(None)
                 workshop.compared += 1
                 return self.detect(before, after)
 

@@ -54,7 +54,7 @@ def test_the_cache_stays_within_its_bounds_and_drops_what_was_unused_for_longest
     tmp_path: Path,
 ) -> None:
     kilobyte = {"a": np.zeros(1024, np.uint8)}
-    store = ArrayStore(tmp_path, most_bytes=4000)  # each file takes about 1.3 kB
+    store = ArrayStore(tmp_path, max_bytes=4000)  # each file takes about 1.3 kB
     for name in "ab":
         store.put(name, kilobyte)
     for path in tmp_path.glob("*.npz"):
@@ -64,7 +64,7 @@ def test_the_cache_stays_within_its_bounds_and_drops_what_was_unused_for_longest
         store.put(name, kilobyte)
         assert sum(path.stat().st_size for path in tmp_path.glob("*.npz")) <= 4000
     assert store.get("b") is None
-    again = ArrayStore(tmp_path, most_bytes=4000)
+    again = ArrayStore(tmp_path, max_bytes=4000)
     again.put("e", kilobyte)
     assert sum(path.stat().st_size for path in tmp_path.glob("*.npz")) <= 4000
 

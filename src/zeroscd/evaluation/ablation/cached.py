@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.evaluation.ablation.store import ArrayStore
-    from zeroscd.segmenters.port import Segmenter, Study
+    from zeroscd.segmenters.port import MaskProposals, Segmenter
 
     Arrays = Mapping[str, NDArray[Any]]
 
@@ -81,32 +81,36 @@ class CachedSegmenter:
         self._reads_features = reads_features
         self.name = segmenter.name
 
-    def study(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> CachedStudy:
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> CachedProposals:
         """Take up a photo."""
         read = [one.descriptors for one in features] if self._reads_features else []
         known_by = (self._identity, photo, *read)
-        return CachedStudy(self._segmenter.study(photo, features), self._store, known_by=known_by)
+        return CachedProposals(
+            self._segmenter.proposals(photo, features), self._store, known_by=known_by
+        )
 
 
-class CachedStudy:
+class CachedProposals:
     """A photo whose outlines are computed when the store does not know them."""
 
-    def __init__(self, study: Study, store: ArrayStore, *, known_by: tuple[Any, ...]) -> None:
-        """Wrap a study.
+    def __init__(
+        self, proposals: MaskProposals, store: ArrayStore, *, known_by: tuple[Any, ...]
+    ) -> None:
+        """Wrap a proposals.
 
         Args:
-            study: Asked when the store does not know.
+            proposals: Asked when the store does not know.
             store: Where outlines are kept.
             known_by: Everything but the place that decides them.
         """
-        self._study, self._store, self._known_by = study, store, known_by
+        self._study, self._store, self._known_by = proposals, store, known_by
 
     @property
     def size_bytes(self) -> int:
-        """What the other study holds in memory."""
+        """What the other proposals holds in memory."""
         return self._study.size_bytes
 
-    def outlines(self, where: Mask | None) -> Segments:
+    def segments(self, where: Mask | None) -> Segments:
         """Return the outlines of the photo."""
         identity, photo, *read = self._known_by
         key = key_of("segments", identity, photo, EVERYWHERE if where is None else where, *read)
@@ -114,7 +118,7 @@ class CachedStudy:
             self._store,
             key,
             (_pack_segments, _unpack_segments),
-            lambda: self._study.outlines(where),
+            lambda: self._study.segments(where),
         )
 
 

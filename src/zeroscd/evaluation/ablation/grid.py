@@ -12,7 +12,7 @@ from zeroscd.errors import SettingsError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-MOST_VALUES = 200  # of one range; more is a slip of the keyboard
+MAX_VALUES = 200  # of one range; more is a slip of the keyboard
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ def _count_through(listed: str) -> tuple[str, ...]:
     numbers = [_as_number(part) for part in listed.split(":")]
     match numbers:
         case [Decimal() as first, Decimal() as last, Decimal() as step] if (
-            step > 0 and first <= last <= first + step * MOST_VALUES
+            step > 0 and first <= last <= first + step * MAX_VALUES
         ):
             count = int((last - first) / step) + 1
             return tuple(_plain(first + step * at) for at in range(count))

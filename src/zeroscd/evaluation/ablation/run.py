@@ -13,10 +13,9 @@ from zeroscd.evaluation.ablation.shared import PairMemory, SharingDetector
 from zeroscd.evaluation.ablation.store import ArrayStore
 from zeroscd.evaluation.bootstrap import intervals
 from zeroscd.evaluation.run import Run, evaluate_all
-from zeroscd.evaluation.scores import write_json
-from zeroscd.export.folder import check_target
 from zeroscd.fingerprint import digest_code, digest_weights, versions
 from zeroscd.models import SEGMENTERS, Models
+from zeroscd.output import check_target, write_json
 from zeroscd.progress import Silent
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from zeroscd.evaluation.ablation.grid import Axis
-    from zeroscd.evaluation.ablation.shared import Weighs
+    from zeroscd.evaluation.ablation.shared import StagedDetector
     from zeroscd.evaluation.datasets.port import Dataset
     from zeroscd.evaluation.scores import Scores
     from zeroscd.progress import Progress
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 OUTSIDE_NETWORKS = frozenset({"align", "change", "refine", "frame"})
 
 
-class Workshop(Protocol):
+class DetectorFactory(Protocol):
     """Where an ablation gets its models and detectors from."""
 
     def check(self, settings: Settings) -> None:
@@ -45,7 +44,7 @@ class Workshop(Protocol):
         """Load the encoder and the segmenter that the settings name."""
         ...
 
-    def build(self, settings: Settings, models: Models) -> Weighs:
+    def build(self, settings: Settings, models: Models) -> StagedDetector:
         """Put a detector together."""
         ...
 
@@ -81,7 +80,7 @@ class Point:
 
 
 def ablate(
-    dataset: Dataset, plan: Plan, workshop: Workshop, *, progress: Progress | None = None
+    dataset: Dataset, plan: Plan, workshop: DetectorFactory, *, progress: Progress | None = None
 ) -> list[Point]:
     """Score every combination of settings and write `ablation.json`.
 
@@ -101,7 +100,7 @@ def ablate(
     for members in groups:  # all of them before the hours that the first may take
         workshop.check(tried[members[0]])
     check_target(plan.out)
-    store = ArrayStore(plan.out / "cache", most_bytes=plan.cache_bytes)
+    store = ArrayStore(plan.out / "cache", max_bytes=plan.cache_bytes)
     scores: dict[int, Scores] = {}
     for members in groups:
         first = tried[members[0]]

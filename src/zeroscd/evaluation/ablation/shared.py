@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from zeroscd.arrays import Rgb
-    from zeroscd.evidence import Evidence, View
+    from zeroscd.evidence import EncodedPhoto, Evidence
     from zeroscd.result import ChangeResult
     from zeroscd.settings import Settings
 
 
-class Weighs(Protocol):
+class StagedDetector(Protocol):
     """Detects in three steps; :class:`zeroscd.Detector` does."""
 
     @property
@@ -30,11 +30,11 @@ class Weighs(Protocol):
         """Name of the preset the settings started from."""
         ...
 
-    def look(self, photos: Sequence[Rgb]) -> list[View]:
+    def encode(self, photos: Sequence[Rgb]) -> list[EncodedPhoto]:
         """Encode photos."""
         ...
 
-    def compare(self, view_t0: View, view_t1: View) -> Evidence:
+    def compare(self, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto) -> Evidence:
         """Gather what no threshold decides."""
         ...
 
@@ -49,15 +49,15 @@ class PairMemory:
     def __init__(self) -> None:
         self._turn = Lock()  # networks are asked by one thread at a time
         self._pair = ""
-        self._views: list[View] = []
+        self._views: list[EncodedPhoto] = []
         self._gathered: dict[Settings, Evidence] = {}
 
-    def evidence(self, detector: Weighs, before: Rgb, after: Rgb) -> Evidence:
+    def evidence(self, detector: StagedDetector, before: Rgb, after: Rgb) -> Evidence:
         """Return a pair's evidence, gathered by whichever detector asks first."""
         pair, wanted = key_of(before, after), evidence_settings(detector.settings)
         with self._turn:
             if pair != self._pair:
-                self._views, self._gathered = detector.look([before, after]), {}
+                self._views, self._gathered = detector.encode([before, after]), {}
                 self._pair = pair
             if wanted not in self._gathered:
                 self._gathered[wanted] = detector.compare(*self._views)
@@ -70,7 +70,7 @@ class SharingDetector:
     All detectors that share a memory must have equal networks.
     """
 
-    def __init__(self, detector: Weighs, memory: PairMemory) -> None:
+    def __init__(self, detector: StagedDetector, memory: PairMemory) -> None:
         self._detector, self._memory = detector, memory
         self.settings, self.preset = detector.settings, detector.preset
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from zeroscd.evaluation.scores import write_whole
+from zeroscd.output import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 GIBIBYTE = 2**30
-MOST_BYTES = 20 * GIBIBYTE  # features and SAM outlines of about 1000 pairs
+MAX_BYTES = 20 * GIBIBYTE  # features and SAM outlines of about 1000 pairs
 
 
 class ArrayStore:
@@ -29,9 +29,9 @@ class ArrayStore:
     A file that cannot be read counts as absent.
     """
 
-    def __init__(self, folder: Path, *, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, folder: Path, *, max_bytes: int = MAX_BYTES) -> None:
         self._folder = folder
-        self._most_bytes = most_bytes
+        self._max_bytes = max_bytes
         self._turn = Lock()
         self._held_bytes = sum(path.stat().st_size for path in folder.glob("*.npz"))
 
@@ -63,11 +63,11 @@ class ArrayStore:
         return self._folder / f"{key}.npz"
 
     def _make_room(self, size_bytes: int) -> None:
-        if self._held_bytes + size_bytes <= self._most_bytes:
+        if self._held_bytes + size_bytes <= self._max_bytes:
             return
         oldest_first = sorted(self._folder.glob("*.npz"), key=lambda path: path.stat().st_mtime_ns)
         for path in oldest_first:
-            if self._held_bytes + size_bytes <= self._most_bytes:
+            if self._held_bytes + size_bytes <= self._max_bytes:
                 return
             self._held_bytes -= path.stat().st_size
             path.unlink()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, get_args
 from zeroscd.errors import DatasetError
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
 from zeroscd.evaluation.datasets.tree import images_in, join, stray_note, wrong_tree
-from zeroscd.result import Frame
+from zeroscd.records import Frame
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -33,7 +33,7 @@ CROP_HW = (256, 256)  # of the crops prepared for cross-validation
 PAIRS = 100  # of TSUNAMI, and of GSV
 FOLDS = 5
 CROP_ROTATIONS = 4  # crops come as 4 n (upright), 4 n + 1, ...
-MOST_CHANGED = 0.6  # a share of change that no published PCD set reaches: masks are inverted
+MAX_CHANGED = 0.6  # a share of change that no published PCD set reaches: masks are inverted
 CHECKED = 20  # masks read to see that
 
 
@@ -137,7 +137,7 @@ def _dataset(  # noqa: PLR0913 - one record, filled in one place
 def _refuse_inverted(joined: Joined) -> None:
     masks = [row[2] for row in joined.rows.values()][:CHECKED]
     changed = float(np.mean([read_mask(path, "black").mean() for path in masks]))
-    if changed > MOST_CHANGED:
+    if changed > MAX_CHANGED:
         message = (
             f"{masks[0].parent} shows {changed:.0%} change if black means changed, as published; "
             "the masks seem to be inverted already: evaluate this tree as `folder`"

@@ -10,7 +10,7 @@ from zeroscd.errors import SettingsError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from zeroscd.result import Frame, Kind
+    from zeroscd.records import Frame, Kind
 
 Kinds: TypeAlias = Literal["both", "removed", "added"]
 

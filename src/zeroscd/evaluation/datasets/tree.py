@@ -1,4 +1,4 @@
-"""Finding the files of pairs in folders, joined by name and never by sort order."""
+"""ComparedPair the files of pairs in folders, joined by name and never by sort order."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-MOST_NAMES = 5  # named in a message before it says "and N more"
+MAX_NAMES = 5  # named in a message before it says "and N more"
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +112,8 @@ def shorten(names: tuple[str, ...] | list[str]) -> str:
     """Return the first few names of a list, in one line."""
     if not names:
         return "nothing"
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return ", ".join(names[:MAX_NAMES]) + more
 
 
 def _children(folder: Path) -> list[Path]:

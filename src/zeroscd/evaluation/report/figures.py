@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import OutputError
 from zeroscd.evaluation.report.svg import COLOURS, DASHES
-from zeroscd.evaluation.scores import write_whole
+from zeroscd.output import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

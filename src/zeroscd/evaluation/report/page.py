@@ -19,8 +19,8 @@ from zeroscd.evaluation.report.panels import (
 )
 from zeroscd.evaluation.report.score_tables import score_tables
 from zeroscd.evaluation.report.svg import Chart, Line
-from zeroscd.evaluation.scores import write_whole
 from zeroscd.fingerprint import versions
+from zeroscd.output import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 PICTURE_PX = 360  # the longer side of a picture in the page
 JPEG_QUALITY = 88
-MOST_ROWS = 60  # longer tables are folded away
+MAX_ROWS = 60  # longer tables are folded away
 STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:1200px;padding:0 1rem;color:#222}
 h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}
@@ -170,7 +170,7 @@ def _fold(title: str, content: str) -> str:
 
 
 def _table(table: Table) -> str:
-    long = len(table.rows) > MOST_ROWS
+    long = len(table.rows) > MAX_ROWS
     return _fold(table.title, table.to_html()) if long else table.to_html()
 
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from zeroscd.evaluation.bootstrap import intervals
-from zeroscd.evaluation.compare import beside_rivals, table_among_published
+from zeroscd.evaluation.compare import compare_with_baselines, table_among_published
 from zeroscd.evaluation.metrics import false_positive_rate
 from zeroscd.evaluation.report.tables import Table, number
 
@@ -25,7 +25,12 @@ MEANINGS = {
 
 def score_tables(scores: Scores) -> tuple[Table, ...]:
     """Return every table that this evaluation can fill, the most important first."""
-    found = [means_table(scores), published_table(scores), rivals_table(scores), pair_table(scores)]
+    found = [
+        means_table(scores),
+        published_table(scores),
+        baselines_table(scores),
+        pair_table(scores),
+    ]
     return tuple(table for table in found if table is not None)
 
 
@@ -90,9 +95,9 @@ def published_table(scores: Scores) -> Table | None:
     )
 
 
-def rivals_table(scores: Scores) -> Table | None:
+def baselines_table(scores: Scores) -> Table | None:
     """Show ours beside other methods on the very same pairs; None where there are none."""
-    found = beside_rivals(scores)
+    found = compare_with_baselines(scores)
     if found is None:
         return None
     columns = tuple(found.f1)

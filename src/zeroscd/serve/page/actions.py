@@ -8,16 +8,16 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import ZeroscdError
-from zeroscd.serve.page.kept import Kept, weigh
+from zeroscd.serve.page.cached_result import CachedResult, weigh
 from zeroscd.serve.page.viewer import render
 from zeroscd.serve.problems import Problem
 from zeroscd.serve.service import PhotoPair
-from zeroscd.serve.worker import Ticket
+from zeroscd.serve.worker import CancelToken
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from zeroscd.serve.service import Ask, Service
+    from zeroscd.serve.service import DetectRequest, Service
     from zeroscd.serve.shelf import Shelf
 
 LOOK_SECONDS = 0.15  # between two looks how far the work is
@@ -34,7 +34,7 @@ STEPS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class PageControls:
     """What the page's controls say.
 
     Attributes:
@@ -76,12 +76,14 @@ class Actions:
         results: What was compared for them.
     """
 
-    def __init__(self, service: Service, photos: Shelf[bytes], results: Shelf[Kept]) -> None:
+    def __init__(
+        self, service: Service, photos: Shelf[bytes], results: Shelf[CachedResult]
+    ) -> None:
         self._service = service
         self._photos = photos
         self._results = results
 
-    def ask(self, wish: Wish) -> Ask:
+    def ask(self, wish: PageControls) -> DetectRequest:
         """Turn the page's controls into settings.
 
         Raises:
@@ -99,7 +101,7 @@ class Actions:
         values = {"frame": wish.frame, "alpha": wish.alpha, "min_area_px": wish.min_area_px}
         return service.ask(wish.preset, {**values, **threshold})
 
-    def compare(self, before: str, after: str, wish: Wish) -> Iterator[Shown]:
+    def compare(self, before: str, after: str, wish: PageControls) -> Iterator[Shown]:
         """Compare two photos that were sent, and say how far that is; an older result goes."""
         yield Shown(status("Waiting", percent=FIRST_PERCENT), viewer="", name="")
         first, second = self._photos.get(before), self._photos.get(after)
@@ -109,9 +111,11 @@ class Actions:
             yield failure(f"{text}; a photo that was not used for a while must be chosen again.")
             return
         photos = PhotoPair(first, second)
-        yield from self._run(lambda ticket, tell: self._gathered(photos, wish, ticket, tell))
+        yield from self._run(
+            lambda cancel_token, tell: self._gathered(photos, wish, cancel_token, tell)
+        )
 
-    def decide(self, name: str, wish: Wish) -> Iterator[Shown]:
+    def decide(self, name: str, wish: PageControls) -> Iterator[Shown]:
         """Apply other thresholds to a comparison that is kept."""
         kept = self._results.get(name)
         if kept is None or kept.ask.preset != wish.preset:
@@ -120,11 +124,11 @@ class Actions:
         yield from self._run(lambda _, tell: self._decided(kept, name, wish, tell))
 
     def _run(
-        self, work: Callable[[Ticket, Callable[[str], None]], tuple[str, Kept]]
+        self, work: Callable[[CancelToken, Callable[[str], None]], tuple[str, CachedResult]]
     ) -> Iterator[Shown]:
-        ticket, steps = Ticket(), ["wait"]
+        cancel_token, steps = CancelToken(), ["wait"]
         try:
-            task = self._service.worker.submit(lambda: work(ticket, steps.append))
+            task = self._service.worker.submit(lambda: work(cancel_token, steps.append))
         except Problem as problem:
             yield failure(str(problem.detail))
             return
@@ -140,28 +144,32 @@ class Actions:
         except ZeroscdError as error:
             yield failure(f"{error}.")
         finally:
-            ticket.give_up()
+            cancel_token.give_up()
             task.cancel()
 
     def _gathered(
-        self, photos: PhotoPair, wish: Wish, ticket: Ticket, tell: Callable[[str], None]
-    ) -> tuple[str, Kept]:
+        self,
+        photos: PhotoPair,
+        wish: PageControls,
+        cancel_token: CancelToken,
+        tell: Callable[[str], None],
+    ) -> tuple[str, CachedResult]:
         ask = self.ask(wish)
-        evidence = self._service.gather(photos, ask, ticket, tell)
+        evidence = self._service.gather(photos, ask, cancel_token, tell)
         tell("decide")
         result = self._service.decide(evidence, ask)
         tell("draw")
-        kept = Kept.of(ask, evidence, result, version=0)
+        kept = CachedResult.of(ask, evidence, result, version=0)
         return self._results.put(kept, weight=weigh(kept)), kept
 
     def _decided(
-        self, kept: Kept, name: str, wish: Wish, tell: Callable[[str], None]
-    ) -> tuple[str, Kept]:
+        self, kept: CachedResult, name: str, wish: PageControls, tell: Callable[[str], None]
+    ) -> tuple[str, CachedResult]:
         tell("decide")
         ask = self.ask(wish)
         result = self._service.decide(kept.evidence, ask)
         tell("draw")
-        renewed = Kept.of(ask, kept.evidence, result, version=kept.version + 1)
+        renewed = CachedResult.of(ask, kept.evidence, result, version=kept.version + 1)
         return self._results.put(renewed, weight=weigh(renewed), name=name), renewed
 
     def _progress(self, step: str, ahead: int) -> str:
@@ -185,6 +193,6 @@ def failure(text: str) -> Shown:
     return Shown(f'<p class="z-status z-failure" role="alert">{escape(sentence)}</p>')
 
 
-def _done(kept: Kept) -> str:
+def _done(kept: CachedResult) -> str:
     count = len(kept.result.regions)
     return "Done: no change found." if not count else f"Done: {count} changed regions, shown below."

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import gradio as gr
 
 from zeroscd.export.page import asset
-from zeroscd.serve.page.actions import HALF, Actions, Shown, Wish
+from zeroscd.serve.page.actions import HALF, Actions, PageControls, Shown
 from zeroscd.serve.page.viewer import ASSETS
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from zeroscd.serve.service import Service
 
 FONTS = ("system-ui", "-apple-system", "Segoe UI", "Roboto", "Noto Sans", "sans-serif")
-MOST_AREA_PX = 20_000
+MAX_AREA_PX = 20_000
 Update: TypeAlias = tuple[Any, Any, Any]  # of the status, the viewer and its name
 # The names of the photos that were sent are known to the page's script only.
 PHOTO_NAMES = "(b, a, ...rest) => [...['before', 'after'].map(window.zeroscd.photo), ...rest]"
@@ -31,7 +31,7 @@ def mount(app: FastAPI, actions: Actions, service: Service) -> FastAPI:
     theme = gr.themes.Default(
         primary_hue="blue", neutral_hue="stone", font=FONTS, font_mono=("ui-monospace", "monospace")
     ).set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")
-    script = asset(ASSETS, "page.js").replace("$most_bytes", str(service.limits.photo_bytes))
+    script = asset(ASSETS, "page.js").replace("$max_bytes", str(service.limits.photo_bytes))
     blocks = build(actions, service)
     blocks.queue(max_size=VISITORS, default_concurrency_limit=VISITORS)
     mounted: FastAPI = gr.mount_gradio_app(
@@ -111,7 +111,7 @@ def _sliders(sensitivity: float, alpha: float, area_px: int) -> list[Any]:
         ("How much of an object must differ", "1 = all of it (alpha)"),
         ("Smallest change (pixels)", "10 000 is a square of 100 by 100"),
     )
-    scales = ((100, sensitivity, 1), (1, alpha, 0.01), (MOST_AREA_PX, area_px, 50))
+    scales = ((100, sensitivity, 1), (1, alpha, 0.01), (MAX_AREA_PX, area_px, 50))
     return [
         gr.Slider(0, most, value, step=step, label=label, info=info, interactive=True)
         for (label, info), (most, value, step) in zip(texts, scales, strict=True)
@@ -126,7 +126,7 @@ def _own_values(service: Service, preset: str) -> tuple[float, float, int]:
 
 def _comparing(actions: Actions) -> Any:  # noqa: ANN401 - Gradio looks at the function itself
     def compare(before: str, after: str, *controls: Any) -> Iterator[Update]:  # noqa: ANN401
-        for shown in actions.compare(before, after, Wish(*controls)):
+        for shown in actions.compare(before, after, PageControls(*controls)):
             yield _update(shown)
 
     return compare
@@ -134,7 +134,7 @@ def _comparing(actions: Actions) -> Any:  # noqa: ANN401 - Gradio looks at the f
 
 def _deciding(actions: Actions) -> Any:  # noqa: ANN401 - Gradio looks at the function itself
     def decide(name: str, *controls: Any) -> Iterator[Update]:  # noqa: ANN401
-        for shown in actions.decide(name, Wish(*controls)):
+        for shown in actions.decide(name, PageControls(*controls)):
             yield _update(shown)
 
     return decide

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from zeroscd.export import colormap
 from zeroscd.export import files as export
-from zeroscd.export import heat
 from zeroscd.export.overlay import hatch_layer
 from zeroscd.export.pictures import jpeg, png
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from zeroscd.serve.page.kept import Kept
+    from zeroscd.serve.page.cached_result import CachedResult
 
 PHOTO_QUALITY = 85
 
@@ -29,14 +29,14 @@ class PageFile:
     """
 
     media_type: str
-    content: Callable[[Kept], bytes]
+    content: Callable[[CachedResult], bytes]
     label: str = ""
 
 
-def _heat(kept: Kept) -> bytes:
+def _heat(kept: CachedResult) -> bytes:
     view = kept.view
-    end = heat.scale_end(view.heatmap)
-    colours = heat.colourise(view.heatmap, unknown=view.unknown, end=end)
+    end = colormap.scale_end(view.heatmap)
+    colours = colormap.apply_colormap(view.heatmap, unknown=view.unknown, end=end)
     return jpeg(colours, quality=PHOTO_QUALITY)
 
 

@@ -20,7 +20,7 @@ from zeroscd.serve.shelf import Shelf
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
-    from zeroscd.serve.page.kept import Kept
+    from zeroscd.serve.page.cached_result import CachedResult
     from zeroscd.serve.service import Service
 
 PHOTO_SHARE = 0.25  # of the page's memory; the rest is for results
@@ -38,11 +38,9 @@ class Page:
         limits = service.limits
         photo_bytes = int(PHOTO_SHARE * limits.page_bytes)
         self._service = service
-        self._photos: Shelf[bytes] = Shelf(
-            most_weight=photo_bytes, seconds=limits.keep_page_seconds
-        )
-        self._results: Shelf[Kept] = Shelf(
-            most_weight=limits.page_bytes - photo_bytes, seconds=limits.keep_page_seconds
+        self._photos: Shelf[bytes] = Shelf(max_weight=photo_bytes, seconds=limits.keep_page_seconds)
+        self._results: Shelf[CachedResult] = Shelf(
+            max_weight=limits.page_bytes - photo_bytes, seconds=limits.keep_page_seconds
         )
 
     def tidy(self) -> None:

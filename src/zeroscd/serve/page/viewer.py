@@ -6,21 +6,22 @@ from html import escape
 from string import Template
 from typing import TYPE_CHECKING
 
-from zeroscd.export import heat, regions, words
+from zeroscd.export import colormap, regions, summary
 from zeroscd.export.page import asset
 from zeroscd.serve.page.files import DOWNLOADS
 
 if TYPE_CHECKING:
-    from zeroscd.result import ChangeResult, Region
-    from zeroscd.serve.page.kept import Kept
+    from zeroscd.records import Region
+    from zeroscd.result import ChangeResult
+    from zeroscd.serve.page.cached_result import CachedResult
 
 ASSETS = "serve/page"  # where the page's own files lie
 ROWS = ("top", "middle", "bottom")
 COLUMNS = ("left", "centre", "right")
-MOST_SHOWN = regions.MOST_SHOWN  # rows of the table; the data holds all
+MAX_SHOWN = regions.MAX_SHOWN  # rows of the table; the data holds all
 
 
-def render(kept: Kept, name: str) -> str:
+def render(kept: CachedResult, name: str) -> str:
     """Write a comparison as a piece of HTML.
 
     Args:
@@ -29,24 +30,24 @@ def render(kept: Kept, name: str) -> str:
     """
     result, view = kept.result, kept.view
     height, width = view.size_hw
-    end = heat.scale_end(view.heatmap)
+    end = colormap.scale_end(view.heatmap)
     return Template(asset(ASSETS, "viewer.html")).substitute(
         at=f"/pagedata/results/{name}/{kept.version}",
         width=width,
         height=height,
-        summary=escape(words.summary(result)).replace(" %", "&nbsp;%"),
+        summary=escape(summary.summary(result)).replace(" %", "&nbsp;%"),
         warnings="".join(
             f'<p class="z-warning" role="note">{escape(text)}</p>'
-            for text in words.warnings(result)
+            for text in summary.warnings(result)
         ),
-        shapes=regions.shapes(result.regions[:MOST_SHOWN], view),
+        shapes=regions.shapes(result.regions[:MAX_SHOWN], view),
         chips=regions.chips(result.regions, view),
         table=_table(result),
         downloads=_downloads(f"/pagedata/results/{name}/{kept.version}"),
-        gradient=heat.css_gradient(),
+        gradient=colormap.css_gradient(),
         scale_end=f"{end:.2f}",
-        alignment=escape(words.alignment_sentence(result)),
-        coverage=escape(words.coverage_sentence(result)),
+        alignment=escape(summary.alignment_sentence(result)),
+        coverage=escape(summary.coverage_sentence(result)),
         seconds=f"{sum(result.seconds.values()):.1f}",
     )
 
@@ -67,7 +68,7 @@ def place(region: Region, size_hw: tuple[int, int]) -> str:
 def _table(result: ChangeResult) -> str:
     if not result.regions:
         return '<p class="z-none">No region changed. A higher sensitivity finds weaker changes.</p>'
-    rows = "".join(_row(region, result) for region in result.regions[:MOST_SHOWN])
+    rows = "".join(_row(region, result) for region in result.regions[:MAX_SHOWN])
     return (
         f'<div class="z-scroll"><table><caption>{regions.title(result.regions)}: choose one to '
         'see it in the picture</caption><thead><tr><th scope="col">Region</th>'
@@ -85,7 +86,7 @@ def _row(region: Region, result: ChangeResult) -> str:
         f'<td><button type="button" class="chip {kind}" aria-pressed="false" '
         f'aria-label="Show region {region.id}, {kind}, in the picture">{region.id}</button></td>'
         f'<th scope="row" class="{kind}">{regions.SIGNS[kind]} {kind}</th>'
-        f"<td>{place(region, photo.size_hw)}</td><td>{words.percent(share)}</td>"
+        f"<td>{place(region, photo.size_hw)}</td><td>{summary.percent(share)}</td>"
         f"<td>{region.score:.2f}</td></tr>"
     )
 

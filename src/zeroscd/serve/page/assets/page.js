@@ -1,6 +1,6 @@
 "use strict";
 window.zeroscd = (() => {
-  const MOST_BYTES = $most_bytes;
+  const MAX_BYTES = $max_bytes;
   const names = { before: "", after: "" };
   const sent = { before: 0, after: 0 };
   const root = document.documentElement;
@@ -32,8 +32,8 @@ window.zeroscd = (() => {
     const turn = ++sent[when];
     names[when] = "";
     picture(when, null);
-    if (file.size > MOST_BYTES) {
-      refuse(when, `This file has ${Math.ceil(file.size / 1e6)} megabytes, more than ${MOST_BYTES / 1e6}; make it smaller`);
+    if (file.size > MAX_BYTES) {
+      refuse(when, `This file has ${Math.ceil(file.size / 1e6)} megabytes, more than ${MAX_BYTES / 1e6}; make it smaller`);
       return;
     }
     const bar = box(when).querySelector("progress");

@@ -1,0 +1,77 @@
+"""The one place that chooses device, precision and threads."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from zeroscd.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def pick_device(name: str) -> str:
+    """Turn "auto", "cpu" or "cuda" into the device that torch shall use.
+
+    Raises:
+        SettingsError: An unknown device, or one that this machine does not have.
+    """
+    if name not in ("auto", "cpu", "cuda"):
+        message = f"unknown device {name!r}; choose one of: auto, cpu, cuda"
+        raise SettingsError(message)
+    if name == "cpu":
+        return name
+    import torch  # noqa: PLC0415 - seconds to import, not needed to refuse a name
+
+    if torch.cuda.is_available():
+        return "cuda"
+    if name == "cuda":
+        message = "device cuda is not available on this machine; use --device cpu"
+        raise SettingsError(message)
+    return "cpu"
+
+
+def pick_precision(name: str, *, device: str) -> str:
+    """Turn "auto" into the precision that transformers compute in: "fp32" or "bf16".
+
+    Graphics cards that know bfloat16 use it: published runs of SAM lose nothing by it (docs/
+    models.md). Processors stay with single precision, the same numbers on every machine, until
+    someone asks for bf16; with AMX it doubles the speed.
+    """
+    if name != "auto":
+        return name
+    if device == "cpu":
+        return "fp32"
+    import torch  # noqa: PLC0415 - loaded already when the device is not the processor
+
+    return "bf16" if torch.cuda.is_bf16_supported() else "fp32"
+
+
+def thread_count() -> int:
+    """Return how many threads torch gives to one step of a network: the cores, if not told else."""
+    import torch  # noqa: PLC0415 - as above
+
+    return torch.get_num_threads()
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """Let each step of the networks, of OpenCV and of NumPy's algebra use this many threads inside.
+
+    All three, as the last bit of a product depends on how many threads shared it, and one bit can
+    decide between two matches that are equally good.
+    """
+    import cv2  # noqa: PLC0415 - names of models are looked up without it
+    import torch  # noqa: PLC0415 - as above
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - as above
+
+    before = torch.get_num_threads(), cv2.getNumThreads()
+    torch.set_num_threads(count)
+    cv2.setNumThreads(count)
+    try:
+        with threadpool_limits(count, user_api="blas"):
+            yield
+    finally:
+        torch.set_num_threads(before[0])
+        cv2.setNumThreads(before[1])

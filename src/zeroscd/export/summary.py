@@ -1,0 +1,107 @@
+"""The result in plain sentences, for the report and the command line."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from zeroscd.records import Alignment
+
+if TYPE_CHECKING:
+    from zeroscd.images.photo import Photo
+    from zeroscd.records import Changes
+
+MOSTLY_UNKNOWN = 0.5  # share of unknown pixels above which the report warns
+
+
+def summary(result: Changes) -> str:
+    """Say what changed in one sentence; an object found in parts counts as several regions."""
+    if not result.regions and not result.mask.any():
+        return "No change found"
+    counts = {kind: sum(r.kind == kind for r in result.regions) for kind in ("added", "removed")}
+    found = ", ".join(f"{n} {kind}" for kind, n in counts.items() if n)
+    noun = "region " if found.startswith("1 ") else "regions "
+    share = f"{percent(result.changed_fraction)} of the visible scene changed"
+    return f"{found.replace(' ', f' {noun}', 1)}; {share}" if found else share
+
+
+def warnings(result: Changes) -> list[str]:
+    """Say what a reader must know before believing the result; often nothing."""
+    found = []
+    if not isinstance(result.alignment, Alignment):
+        reason = result.alignment.reason.rstrip(". ")
+        found.append(
+            f"The photos could not be aligned: {reason}. They were compared as they lie, "
+            "so a moved camera may look like change."
+        )
+    unknown = float(result.unknown.mean())
+    if unknown > MOSTLY_UNKNOWN:
+        found.append(
+            f"Only {percent(1 - unknown)} of the photo is visible in both photos; "
+            "nothing is said about the rest."
+        )
+    return found
+
+
+def alignment_sentence(result: Changes) -> str:
+    """Say how the camera moved, or that the photos were not aligned."""
+    alignment = result.alignment
+    if not isinstance(alignment, Alignment):
+        return f"Not aligned ({alignment.inliers} of {alignment.matches} matches agreed)."
+    height, width = result.before.size_hw
+    shift, degrees, scale = motion(alignment, ((width - 1) / 2, (height - 1) / 2))
+    ratio = alignment.inliers / max(alignment.matches, 1)
+    return (
+        f"Aligned: {alignment.inliers} of {alignment.matches} matches agree ({percent(ratio)}). "
+        f"In the middle of the picture the view moved by {shift:.0f} px, turned by "
+        f"{degrees:.1f}° and scaled by {scale:.2f}."
+    )
+
+
+def coverage_sentence(result: Changes) -> str:
+    """Say how much of the frame's photo could be compared at all."""
+    unknown = float(result.unknown.mean())
+    if unknown == 0:
+        return "The whole photo was compared."
+    return (
+        f"{percent(1 - unknown)} of the photo is visible in both photos; "
+        "the rest is hatched, and nothing is said about it."
+    )
+
+
+def motion(alignment: Alignment, at_xy: tuple[float, float]) -> tuple[float, float, float]:
+    """Return shift in pixels, turn in degrees (0..180) and scale of a homography at a point.
+
+    Example:
+        >>> turned = np.array([[0.0, -2.0, 3.0], [2.0, 0.0, 4.0], [0.0, 0.0, 1.0]])
+        >>> motion(Alignment(t1_from_t0=turned, inliers=4, matches=4), (0.0, 0.0))
+        (5.0, 90.0, 2.0)
+    """
+    matrix = np.asarray(alignment.t1_from_t0, np.float64)
+    here = np.array([*at_xy, 1.0])
+    x, y, w = matrix @ here
+    there = np.array([x / w, y / w])
+    jacobian = (matrix[:2, :2] - np.outer(there, matrix[2, :2])) / w
+    turn = math.atan2(jacobian[1, 0] - jacobian[0, 1], jacobian[0, 0] + jacobian[1, 1])
+    scale = math.sqrt(abs(np.linalg.det(jacobian)))
+    return float(np.linalg.norm(there - at_xy)), abs(math.degrees(turn)), scale
+
+
+def percent(fraction: float) -> str:
+    """Write a share with as many digits as it deserves.
+
+    Example:
+        >>> percent(0.0312), percent(0.47), percent(0.0), percent(0.0001), percent(1.0)
+        ('3.1 %', '47 %', '0 %', '< 0.1 %', '100 %')
+    """
+    value = 100 * fraction
+    if 0 < value < 0.1:  # noqa: PLR2004 - the last digit that is shown
+        return "< 0.1 %"
+    return f"{value:.0f} %" if value >= 10 or value == 0 else f"{value:.1f} %"  # noqa: PLR2004
+
+
+def photo_name(photo: Photo, *, otherwise: str) -> str:
+    """Return the file name of a photo, without its folders."""
+    return photo.path.replace("\\", "/").rsplit("/", 1)[-1] if photo.path else otherwise

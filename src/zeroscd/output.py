@@ -1,0 +1,178 @@
+"""Write into folders: a file whole or not at all, a result's files all or none."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import threading
+import uuid
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zeroscd.errors import OutputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+
+def check_target(folder: Path) -> None:
+    """Refuse, before any work is done, a folder that can never be written.
+
+    Raises:
+        OutputError: It is a file, lies below one, may not be written to, or is no path at all (a
+            null character, half a character, a name too long).
+    """
+    if "\0" in str(folder):
+        message = f"cannot write {str(folder)!r}: no path holds a null character; leave it out"
+        raise OutputError(message)
+    try:
+        folder.lstat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass  # said below, with the part of the path that is to blame
+    except UnicodeError as error:
+        message = f"cannot write {str(folder)!r}: this system cannot spell it; choose another name"
+        raise OutputError(message) from error
+    except OSError as error:  # a name too long, a circle of links
+        message = f"cannot write {folder}: {error.strerror}; choose another folder"
+        raise OutputError(message) from error
+    nearest = _existing_part(folder)
+    if not nearest.is_dir():
+        message = f"cannot write {folder}: {nearest} is not a folder; choose another folder"
+        raise OutputError(message)
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        message = (
+            f"cannot write {folder}: no permission to write in {nearest}; choose another folder"
+        )
+        raise OutputError(message)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for results, and those above it; one that is there stays as it is.
+
+    Raises:
+        OutputError: It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"cannot create {folder}: {error.strerror}; choose another folder with -o"
+        raise OutputError(message) from error
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a passing path beside a file; what was written there then takes the file's place.
+
+    If anything is raised inside, the file stays as it was and nothing is left beside it.
+    """
+    passing = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
+    try:
+        yield passing
+        passing.replace(path)
+    finally:
+        with suppress(OSError):
+            passing.unlink()
+
+
+def write_json(values: object, path: Path) -> None:
+    """Write JSON whole or not at all.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    write_whole(path, (json.dumps(values, indent=1) + "\n").encode())
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file under a passing name, then move it into place.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as passing:
+            passing.write_bytes(content)
+    except OSError as error:
+        message = f"cannot write {path}: {error.strerror}; choose another folder with -o"
+        raise OutputError(message) from error
+
+
+def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder so that either all appear or nothing changes.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    check_target(folder)
+    # A ".." in it would lead out of the stage.
+    real = Path(os.path.realpath(folder))
+    existing = _existing_part(real)
+    stage = existing / f".zeroscd-{uuid.uuid4().hex[:8]}.part"
+    overtaken = False
+    try:
+        inner = stage / real.relative_to(existing)
+        inner.mkdir(parents=True)
+        for name, content in files.items():
+            (inner / name).write_bytes(content)
+        if inner == stage:
+            _move_into(real, stage, list(files))
+        else:
+            missing = real.relative_to(existing).parts[0]
+            overtaken = not _appears(stage / missing, existing / missing)
+    except OSError as error:
+        message = (
+            f"cannot write {folder}: {error.strerror or error}; make room or choose another folder"
+        )
+        raise OutputError(message) from error
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+    if overtaken:
+        write_together(folder, files)
+
+
+def _appears(staged: Path, folder: Path) -> bool:
+    """Move a folder to its place; False where another writer has made one there meanwhile."""
+    try:
+        staged.rename(folder)
+    except OSError:
+        if folder.is_dir():
+            return False
+        raise
+    return True
+
+
+def _existing_part(folder: Path) -> Path:
+    """Return the folder itself, or the nearest thing above it that exists."""
+    return next(part for part in (folder, *folder.parents) if os.path.lexists(part))
+
+
+def _move_into(folder: Path, stage: Path, names: list[str]) -> None:
+    """Put staged files in place of their namesakes; put all of those back if one cannot move."""
+    replaced = stage / "replaced"
+    replaced.mkdir()
+    placed: list[str] = []
+    try:
+        for name in names:
+            _refuse_folder(folder / name)
+            if (folder / name).exists():
+                (folder / name).rename(replaced / name)
+            placed.append(name)
+            (stage / name).rename(folder / name)
+    except BaseException:
+        for name in placed:
+            _put_back(folder / name, replaced / name)
+        raise
+
+
+def _refuse_folder(path: Path) -> None:
+    if path.is_dir():
+        raise IsADirectoryError(None, f"{path.name} in it is a folder", str(path))
+
+
+def _put_back(path: Path, old: Path) -> None:
+    path.unlink(missing_ok=True)
+    if old.exists():
+        old.rename(path)

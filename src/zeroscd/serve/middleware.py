@@ -1,0 +1,211 @@
+"""What every request passes first: the key, the size and pace of its body, plain headers."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import hmac
+from typing import TYPE_CHECKING
+
+from starlette.datastructures import Headers, MutableHeaders
+
+from zeroscd.serve.problems import Kind, Problem, answer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+    from zeroscd.serve.limits import Limits
+    from zeroscd.serve.metrics import Metrics
+
+OPEN_PATHS = ("/healthz", "/readyz")  # whoever watches over the process needs no key
+MAX_DRAINED = 8  # times the limit: so much of a body that is too large is read and thrown away
+
+# The browser refuses to contact any other host, whatever a script on the page tries. Gradio
+# starts with inline scripts and compiles templates.
+CONTENT_SECURITY_POLICY = (
+    "default-src 'self'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
+    "connect-src 'self'; frame-ancestors 'self'; base-uri 'self'; form-action 'self'"
+)
+
+# Of Gradio's some forty addresses, those that our page uses; uploads go through ours.
+PAGE_PATHS = (
+    "/page/config",
+    "/page/theme.css",
+    "/page/favicon.ico",
+    "/page/manifest.json",
+    "/page/assets/",
+    "/page/static/",
+    "/page/svelte/",
+    "/page/gradio_api/theme.css",
+    "/page/gradio_api/startup-events",
+    "/page/gradio_api/queue/",
+    "/page/gradio_api/heartbeat/",
+    "/page/gradio_api/cancel",
+    "/page/gradio_api/reset",
+)
+
+
+class Middleware:
+    """Wraps an application.
+
+    Args:
+        app: Answers what gets through.
+        limits: For sizes and times.
+        keys: One of them must come along, if there are any.
+        metrics: Counts the answers.
+        admit: Raises Problem while no more work of this path can be taken.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        limits: Limits,
+        keys: Sequence[str],
+        metrics: Metrics,
+        admit: Callable[[str], None],
+    ) -> None:
+        self._app = app
+        self._limits = limits
+        self._keys = [key.encode() for key in keys]
+        self._metrics = metrics
+        self._admit = admit
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request that may not pass; let the others through."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        polite = self._polite(scope, send)
+        refusal = self._refusal(scope)
+        if refusal is not None:
+            await answer(refusal)(scope, receive, polite)
+            return
+        body = Body(scope, receive, self._limits, self._admit)
+        await self._app(scope, body.receive, polite)
+
+    def _refusal(self, scope: Scope) -> Problem | None:
+        path = scope["path"]
+        if path.startswith("/page/") and path != "/page/" and not path.startswith(PAGE_PATHS):
+            return Problem(Kind.NOT_FOUND, "the page does not use this address")
+        if path in OPEN_PATHS or not self._keys or self._has_key(Headers(scope=scope)):
+            return None
+        asked = "Bearer" if path.startswith("/v1/") else 'Basic realm="zeroscd"'
+        message = (
+            "send a key as `Authorization: Bearer KEY` or `X-API-Key: KEY`; "
+            "in a browser, give it as the password"
+        )
+        return Problem(
+            Kind.NO_KEY, message, headers={"WWW-Authenticate": asked, "Connection": "close"}
+        )
+
+    def _has_key(self, headers: Headers) -> bool:
+        given = [_sent(headers.get("x-api-key", "")), _credentials(headers)]
+        return any(hmac.compare_digest(one, key) for one in given for key in self._keys)
+
+    def _polite(self, scope: Scope, send: Send) -> Send:
+        async def polite(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers["X-Content-Type-Options"] = "nosniff"
+                headers["Referrer-Policy"] = "no-referrer"
+                headers.setdefault("Content-Security-Policy", CONTENT_SECURITY_POLICY)
+                headers.setdefault("Cache-Control", "no-store")
+                self._metrics.count(scope, message["status"])
+            await send(message)
+
+        return polite
+
+
+class Body:
+    """Hands out the body of a request while it is small enough and arrives in time."""
+
+    def __init__(
+        self, scope: Scope, receive: Receive, limits: Limits, admit: Callable[[str], None]
+    ) -> None:
+        self._path: str = scope["path"] if scope["method"] == "POST" else ""
+        self._headers = Headers(scope=scope)
+        self._receive = receive
+        self._most = limits.body_bytes(self._path)
+        self._seconds = limits.upload_seconds
+        self._admit = admit
+        self._taken = 0
+        self._deadline: float | None = None
+        self._complete = False
+
+    async def receive(self) -> Message:
+        """Return the next part.
+
+        Raises:
+            Problem: The body is too large or too slow, or there is no room for the work.
+        """
+        if self._complete:
+            return await self._receive()
+        if self._deadline is None:
+            self._deadline = asyncio.get_running_loop().time() + self._seconds
+            await self._check_beforehand()
+        message = await self._part()
+        if self._taken > self._most:
+            await self._refuse(self._too_large())
+        return message
+
+    async def _check_beforehand(self) -> None:
+        declared = self._headers.get("content-length", "")
+        if declared.isdigit() and int(declared) > self._most:
+            await self._refuse(self._too_large())
+        try:
+            self._admit(self._path)
+        except Problem as problem:
+            await self._refuse(problem)
+
+    async def _part(self) -> Message:
+        try:
+            async with asyncio.timeout_at(self._deadline):
+                message = await self._receive()
+        except TimeoutError:
+            text = f"the request did not arrive within {self._seconds:.0f} seconds; send it faster"
+            raise Problem(Kind.SLOW_UPLOAD, text, headers={"Connection": "close"}) from None
+        self._taken += len(message.get("body", b""))
+        self._complete = message["type"] != "http.request" or not message.get("more_body", False)
+        return message
+
+    async def _refuse(self, problem: Problem) -> None:
+        """Read on for a while before saying no.
+
+        A client that is still sending when the connection closes never reads the answer. One that
+        asked first (`Expect: 100-continue`) has sent nothing yet.
+        """
+        expects = "expect" in self._headers and self._taken == 0
+        while not expects and not self._complete and self._taken <= MAX_DRAINED * self._most:
+            await self._part()
+        headers = {**(problem.headers or {})}
+        if not self._complete:
+            headers["Connection"] = "close"
+        raise Problem(problem.kind, str(problem.detail), headers=headers)
+
+    def _too_large(self) -> Problem:
+        most = self._most / 1e6
+        return Problem(
+            Kind.TOO_LARGE, f"the request is larger than {most:.0f} megabytes; send less"
+        )
+
+
+def _credentials(headers: Headers) -> bytes:
+    """Return the bearer token, or the password that a browser sends."""
+    scheme, _, value = headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer":
+        return _sent(value.strip())
+    if scheme.lower() != "basic":
+        return b""
+    try:
+        return base64.b64decode(value, validate=True).partition(b":")[2]
+    except ValueError:  # not base64, or not even ASCII
+        return b""
+
+
+def _sent(value: str) -> bytes:
+    """Return the bytes of a header as the client sent them; the framework reads them as latin-1."""
+    return value.encode("latin-1")

@@ -1,0 +1,25 @@
+"""What was found for each new photo, on disk, so that a survey that was killed looks on."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from zeroscd.ledger import Ledger
+from zeroscd.survey.matching import PhotoMatch
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FILE = "matches.jsonl"
+
+
+class MatchLedger(Ledger[PhotoMatch]):
+    """A line for each match, under a key of all that it was found from.
+
+    Args:
+        folder: Where the file lies; it must exist.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder / FILE, pack=asdict, unpack=lambda values: PhotoMatch(**values))

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from zeroscd.export import summary
+from zeroscd.images.photo import Photo
+from zeroscd.records import Alignment
+
+if TYPE_CHECKING:
+    from zeroscd.result import ChangeResult
+
+
+def test_the_summary_counts_and_measures(result: ChangeResult) -> None:
+    assert (
+        summary.summary(result) == "1 region added, 1 removed; 6.3 % of the visible scene changed"
+    )
+
+
+def test_more_than_one_region_is_plural(result: ChangeResult) -> None:
+    removed = result.regions[0]
+    several = replace(result, regions=(removed, replace(removed, id=2), replace(removed, id=3)))
+    assert summary.summary(several).startswith("3 regions removed; ")
+
+
+def test_no_change_is_said_plainly(nothing: ChangeResult) -> None:
+    assert summary.summary(nothing) == "No change found"
+
+
+def test_all_is_well_needs_no_warning(result: ChangeResult) -> None:
+    assert summary.warnings(result) == []
+
+
+def test_a_missing_alignment_is_a_warning_with_its_reason(not_aligned: ChangeResult) -> None:
+    (warning,) = summary.warnings(not_aligned)
+    assert "could not be aligned: only 3 of 50 matches agree. " in warning
+
+
+def test_a_mostly_unknown_photo_is_a_warning(result: ChangeResult) -> None:
+    unknown = np.ones_like(result.unknown)
+    unknown[:, :20] = False
+    (warning,) = summary.warnings(replace(result, unknown=unknown))
+    assert warning.startswith("Only 25 % of the photo is visible in both photos")
+
+
+def test_the_camera_motion_is_told_in_numbers(result: ChangeResult) -> None:
+    sentence = summary.alignment_sentence(result)
+    assert "40 of 50 matches agree (80 %)" in sentence
+    assert "moved by 10 px, turned by 0.0° and scaled by 1.00" in sentence
+
+
+def test_motion_of_a_perspective_is_taken_at_the_point_itself() -> None:
+    # x' = 2x / (1 + x / 10): at x = 10 it is 10, with slope 2 / (1 + 1)^2 = 0.5 along x and
+    # 1 / (1 + 1) = 0.5 along y, so no shift, no turn and half the scale.
+    matrix = np.array([[2.0, 0, 0], [0, 1, 0], [0.1, 0, 1]])
+    found = summary.motion(Alignment(t1_from_t0=matrix, inliers=4, matches=4), (10.0, 0.0))
+    assert found == pytest.approx((0.0, 0.0, 0.5))
+
+
+def test_coverage_names_the_compared_share(result: ChangeResult, nothing: ChangeResult) -> None:
+    assert summary.coverage_sentence(result).startswith("88 % of the photo")
+    known = replace(nothing, unknown=np.zeros_like(nothing.unknown))
+    assert summary.coverage_sentence(known) == "The whole photo was compared."
+
+
+@pytest.mark.parametrize(
+    ("path", "name"), [("a/b/c.jpg", "c.jpg"), ("C:\\x\\y.png", "y.png"), (None, "before")]
+)
+def test_a_photo_is_called_by_its_file_name(path: str | None, name: str) -> None:
+    photo = Photo(pixels=np.zeros((1, 1, 3), np.uint8), path=path)
+    assert summary.photo_name(photo, otherwise="before") == name

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from zeroscd.errors import OutputError
+from zeroscd.survey.match_ledger import FILE, MatchLedger
+from zeroscd.survey.matching import PhotoMatch
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FIRST = PhotoMatch(new="/é.jpg", old="/o.jpg", score=0.25, inliers=7, metres=1.5)
+SECOND = PhotoMatch(new="/b.jpg", reason="no old photo")
+
+
+def test_what_is_written_down_is_known_to_the_next_run(tmp_path: Path) -> None:
+    book = MatchLedger(tmp_path)
+    assert book.get("one") is None
+    book.add("one", FIRST)
+    book.add("two", SECOND)
+    assert book.get("one") == FIRST
+    again = MatchLedger(tmp_path)
+    assert (again.get("one"), again.get("two"), again.get("three")) == (FIRST, SECOND, None)
+
+
+def test_every_way_of_being_cut_short_loses_one_line_at_most(tmp_path: Path) -> None:
+    book = MatchLedger(tmp_path)
+    book.add("one", FIRST)
+    whole = (tmp_path / FILE).read_bytes()
+    book.add("two", SECOND)
+    both = (tmp_path / FILE).read_bytes()
+    for length in range(len(whole), len(both)):
+        (tmp_path / FILE).write_bytes(both[:length])
+        torn = MatchLedger(tmp_path)
+        assert torn.get("one") == FIRST
+        torn.add("two", SECOND)
+        torn.add("three", SECOND)
+        mended = MatchLedger(tmp_path)
+        assert [mended.get(key) for key in ("one", "two", "three")] == [FIRST, SECOND, SECOND]
+
+
+def test_lines_of_another_version_are_looked_for_again(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text('{"key": "one", "colour": "red"}\n[1]\n{"new": "a"}\n')
+    assert MatchLedger(tmp_path).get("one") is None
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    book = MatchLedger(tmp_path)
+    (tmp_path / FILE).mkdir()
+    with pytest.raises(OutputError, match=r"cannot write .*matches\.jsonl: "):
+        book.add("one", FIRST)
