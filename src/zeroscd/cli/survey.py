@@ -35,11 +35,15 @@ def survey(
     within: Within = None,
     min_score: Annotated[
         float | None,
-        typer.Option(min=0, max=1, help="From which an old photo counts as of the same place."),
+        typer.Option(
+            "--min-score",
+            "--least-score",
+            min=0,
+            max=1,
+            help="From which an old photo counts as of the same place.",
+        ),
     ] = None,
-    write: Annotated[
-        str, typer.Option("--min-score", "--least-score", help=WRITE_HELP)
-    ] = "json,report",
+    write: Annotated[str, typer.Option(help=WRITE_HELP)] = "json,report",
     preset: Preset = "lite",
     settings: Overrides = None,
     device: Device = "auto",
