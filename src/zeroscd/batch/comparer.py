@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import time
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from threading import Lock
 from typing import TYPE_CHECKING
 
 from zeroscd.batch.address import Fetcher
 from zeroscd.batch.task import Outcome
-from zeroscd.batch.views import Views
+from zeroscd.cache import ExpiringCache
 from zeroscd.detector import Detector
 from zeroscd.export.files import render
 from zeroscd.export.table import change_rows, pair_row
@@ -62,7 +63,9 @@ class PairComparer:
         self._detector = options.detector()
         self._write = options.write
         self._fetch = Fetcher(options.timeout_s)
-        self._views = Views(options.cache_bytes)
+        self._encoded: ExpiringCache[EncodedPhoto] = ExpiringCache(
+            options.cache_bytes, size_of=attrgetter("size_bytes")
+        )
         self._looking = [Lock() for _ in range(LOOKS)]
         self._fingerprint = fingerprint(self._detector)
 
@@ -103,7 +106,7 @@ class PairComparer:
 
     def _decode(self, file: _File) -> Photo | None:
         """Decode a photo before its turn; None if its view is there, as it nearly always stays."""
-        if self._views.get(file.digest) is not None:
+        if self._encoded.get(file.digest) is not None:
             return None
         return read_photo(file.content, name=file.address)
 
@@ -115,12 +118,12 @@ class PairComparer:
     def _view(self, file: _File, photo: Photo | None) -> tuple[EncodedPhoto, bool]:
         """Return what the encoder sees in a photo, and whether it was known already."""
         with self._looking[int(file.digest, 16) % LOOKS]:
-            view = self._views.get(file.digest)
+            view = self._encoded.get(file.digest)
             hit = view is not None
             if view is None:
                 decoded = photo or read_photo(file.content, name=file.address)
                 (view,) = self._detector.encode([decoded.pixels])
-                self._views.put(file.digest, view)
+                self._encoded.put(view, file.digest)
         # The same bytes may lie at several addresses.
         return replace(view, photo=replace(view.photo, path=file.address)), hit
 
