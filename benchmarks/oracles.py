@@ -1,10 +1,10 @@
-"""Where the error comes from: what perfect alignment, thresholds and outlines would be worth.
+"""Where the error comes from: what perfect alignment, thresholds and segments would gain.
 
     python benchmarks/oracles.py DATASET -o OUT [--limit N] [--preset lite] [--set key=value]
 
 DATASET has t0/ t1/ mask/ (white = changed); pairs.json, where it exists, gives true homographies.
-Writes oracles.json (every pair) and oracles.md (means). An oracle has seen the truth: its row is
-no result but a ceiling, and its distance to the first row is what that part costs today.
+Writes oracles.json (every pair) and oracles.md (means). An oracle knows the truth: its row is
+an upper bound, and its distance to the first row is what that part costs today.
 """
 
 from __future__ import annotations
@@ -43,30 +43,30 @@ if TYPE_CHECKING:
     from zeroscd.result import ChangeResult
 
 TAUS = tuple(np.round(np.arange(0.60, 1.4001, 0.05), 2).tolist())  # of the threshold oracle
-HEAT_STEPS = np.linspace(0.0, 2.0, 101)  # thresholds tried on the heat map alone
-PURITIES = tuple(np.round(np.arange(0.05, 1.0, 0.05), 2).tolist())  # of outlines in a union
+CUTS = np.linspace(0.0, 2.0, 101)  # thresholds tried on the distance map alone
+PURITIES = tuple(np.round(np.arange(0.05, 1.0, 0.05), 2).tolist())  # of segments in a union
 
 MEANINGS = {
-    "as it is": "the preset, nothing known",
+    "as it is": "the preset as it is, no oracle",
     "true alignment": "the true homography instead of the estimated one",
     "best tau": "whole method, for each pair the best of 17 thresholds",
     "true alignment, best tau": "both",
-    "heat map, best tau": "no outlines: the distance map cut at the pair's best threshold",
-    "best union": "no distances: the union of all outlines that best covers the truth",
-    "best outlines": "no distances: for each true change the one outline that fits best",
+    "distance map, best tau": "no segments: the distance map cut at the pair's best threshold",
+    "best union": "no distances: the union of all segments that best covers the truth",
+    "best segments": "no distances: for each true change the one segment that fits best",
 }
 
 
-class Remembering:
-    """Encodes and segments each photo once, whatever settings ask; for one pair at a time."""
+class CachedModels:
+    """Encodes and segments each photo of the current pair once, whatever the settings."""
 
     def __init__(self, models: Models) -> None:
         self._models = models
-        self._known: dict[bytes, Remembered] = {}
+        self._known: dict[bytes, CachedProposals] = {}
         self._maps: list[tuple[FeatureMap, ...]] | None = None
         self.name, self.tau = models.encoder.name, models.encoder.tau
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Begin another pair."""
         self._known, self._maps = {}, None
 
@@ -76,24 +76,24 @@ class Remembering:
             self._maps = self._models.encoder.encode(photos)
         return self._maps
 
-    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> Remembered:
-        """Return the outlines of a photo."""
+    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> CachedProposals:
+        """Return the segments of a photo."""
         key = photo.tobytes()
         if key not in self._known:
             whole = self._models.segmenter.proposals(photo, features).segments(None)
-            self._known[key] = Remembered(whole)
+            self._known[key] = CachedProposals(whole)
         return self._known[key]
 
 
 @dataclass(frozen=True, slots=True)
-class Remembered:
-    """All outlines of a photo; of no size, for nobody here keeps count."""
+class CachedProposals:
+    """All segments of a photo; its size is not asked for here."""
 
     whole: Segments
     size_bytes: int = 0
 
     def segments(self, where: Mask | None) -> Segments:
-        """Return those that touch the wanted places."""
+        """Return those that touch the wanted pixels."""
         if where is None:
             return self.whole
         touched = tuple(s for s in self.whole if (s.crop() & where[s.window]).any())
@@ -101,18 +101,18 @@ class Remembered:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bench:
-    """One pair under the detector with the oracles' means.
+class PairOracles:
+    """One pair, the detector, and what the oracles know.
 
     Attributes:
-        detector: With models that remember.
-        models: Those models.
+        detector: Around the cached models.
+        models: The cached models.
         pair: Photos and truth.
         t1_from_t0: The true homography; None where the data does not say.
     """
 
     detector: Detector
-    models: Remembering
+    models: CachedModels
     pair: LoadedPair
     t1_from_t0: Homography | None
 
@@ -121,14 +121,14 @@ class Bench:
         return count(found, self.pair.truth.changed, valid=self.pair.truth.valid).f1
 
     def detect(self, *, tau: float | None = None, aligned: bool = False) -> ChangeResult:
-        """Run the method with what an oracle knows."""
+        """Run the method with a fixed tau or the true alignment."""
         settings = self.detector.settings.override({} if tau is None else {"tau": tau})
         with_oracle = Detector(settings, self.detector.models, preset=self.detector.preset)
         if not aligned:
             return with_oracle.detect(self.pair.before, self.pair.after)
-        assert self.t1_from_t0 is not None  # noqa: S101 - rows with true alignment ask before
+        assert self.t1_from_t0 is not None  # noqa: S101 - only called where it is known
         true = Alignment(t1_from_t0=self.t1_from_t0, inliers=0, matches=0)
-        # The method has no seam for an alignment from outside, and needs none but here.
+        # The detector takes no alignment from outside.
         with mock.patch.object(method, "align", return_value=true):
             return with_oracle.detect(self.pair.before, self.pair.after)
 
@@ -138,7 +138,7 @@ class Bench:
         found = {
             "as it is": self.f1(result.mask),
             "best tau": max(self.f1(self.detect(tau=tau).mask) for tau in TAUS),
-            "heat map, best tau": self.best_cut(result.heatmap),
+            "distance map, best tau": self.best_cut(result.heatmap),
         }
         t1_from_t0 = self.t1_from_t0
         if t1_from_t0 is not None:
@@ -149,15 +149,15 @@ class Bench:
         elif isinstance(result.alignment, Alignment):
             t1_from_t0 = result.alignment.t1_from_t0
         if t1_from_t0 is not None and self.detector.settings.frame == "t1":
-            found |= self.outline_rows(t1_from_t0)
+            found |= self.segment_rows(t1_from_t0)
         return {name: found[name] for name in MEANINGS if name in found}
 
     def best_cut(self, heatmap: Map) -> float:
-        """Cut the heat map at the threshold that the truth likes best."""
-        return max(self.f1(heatmap > step) for step in HEAT_STEPS)
+        """Cut the distance map at the threshold with the highest F1."""
+        return max(self.f1(heatmap > step) for step in CUTS)
 
-    def outline_rows(self, t1_from_t0: Homography) -> dict[str, float]:
-        """Return F1 of the best that the outlines of both photos allow; truth in t1."""
+    def segment_rows(self, t1_from_t0: Homography) -> dict[str, float]:
+        """Return F1 of the best masks that the segments of both photos allow; truth in t1."""
         photos, changed = (self.pair.before, self.pair.after), self.pair.truth.changed
         maps = self.models.encode(photos)
         here, there = (
@@ -179,18 +179,18 @@ class Bench:
             for least in PURITIES
         )
         single = in_t1([best_single(segments, true) for segments, true in sides])
-        return {"best union": max(map(self.f1, unions)), "best outlines": self.f1(single)}
+        return {"best union": max(map(self.f1, unions)), "best segments": self.f1(single)}
 
 
 def purity(segments: Segments, true: Mask) -> NDArray[np.float64]:
-    """Return the share of every outline that is true change, (N,)."""
+    """Return the share of every segment that is true change, (N,)."""
     return np.array(
         [np.count_nonzero(s.crop() & true[s.window]) / s.area_px for s in segments], np.float64
     )
 
 
 def unite(segments: Segments, chosen: Iterable[bool]) -> Mask:
-    """Return the union of the chosen outlines, (H, W)."""
+    """Return the union of the chosen segments, (H, W)."""
     united = np.zeros(segments.size_hw, dtype=np.bool_)
     for segment, wanted in zip(segments, chosen, strict=True):
         if wanted:
@@ -199,9 +199,9 @@ def unite(segments: Segments, chosen: Iterable[bool]) -> Mask:
 
 
 def best_single(segments: Segments, true: Mask) -> Mask:
-    """For each connected true change take the outline with the highest IoU, if over one half.
+    """For each connected true change take the segment with the highest IoU, if over one half.
 
-    The half keeps out outlines of the other photo's objects: a change shows in one photo only.
+    The half keeps out segments of the other photo's objects: a change shows in one photo only.
     """
     total, labels = cv2.connectedComponents(true.astype(np.uint8))
     chosen = np.zeros(len(segments), dtype=np.bool_)
@@ -222,19 +222,21 @@ def measure(options: argparse.Namespace) -> Iterator[tuple[str, dict[str, float]
     truth = true_homographies(options.dataset) if known else {}
     overrides = {"frame": source.frame, **parse_overrides(options.settings)}
     loaded = Detector.from_preset(options.preset, overrides=overrides)
-    models = Remembering(loaded.models)
+    models = CachedModels(loaded.models)
     detector = Detector(loaded.settings, Models(models, models), preset=options.preset)
     for files in source.pairs:
         pair = load_pair(files, source)
         if not pair.truth.changed.any():
             continue
-        models.forget()
-        bench = Bench(detector=detector, models=models, pair=pair, t1_from_t0=truth.get(files.stem))
-        yield files.stem, bench.rows()
+        models.clear()
+        oracles = PairOracles(
+            detector=detector, models=models, pair=pair, t1_from_t0=truth.get(files.stem)
+        )
+        yield files.stem, oracles.rows()
 
 
 def tabulate(pairs: Mapping[str, Mapping[str, float]]) -> Table:
-    """Average over the pairs, beside what each oracle adds to the method as it is."""
+    """Average over the pairs, with the gain of each oracle over the method as it is."""
     rows = []
     for name, meaning in MEANINGS.items():
         both = [(row[name], row["as it is"]) for row in pairs.values() if name in row]
@@ -245,7 +247,7 @@ def tabulate(pairs: Mapping[str, Mapping[str, float]]) -> Table:
         rows.append((name, meaning, f"{values:.3f}", gain, str(len(both))))
     return Table(
         title="F1 macro with parts of the truth known",
-        columns=("oracle", "meaning", "F1", "worth", "pairs"),
+        columns=("oracle", "meaning", "F1", "gain", "pairs"),
         rows=tuple(rows),
     )
 

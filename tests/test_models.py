@@ -192,7 +192,3 @@ def test_a_file_of_the_right_length_and_wrong_content_is_an_error_of_one_line(fo
         load_models(settings, device="cpu")
     assert "dinov2_vits14_pretrain.pth" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_only_lites_outlines_depend_on_the_encoder() -> None:
-    assert [name for name, recipe in SEGMENTERS.items() if recipe.reads_features] == ["lite"]

@@ -27,13 +27,11 @@ class Recipe:
         module: Has a function load(settings, device); imported only then.
         weights: Name of its row in the catalogue of weights; None = it brings its own.
         extra: It needs the packages of zeroscd[models].
-        reads_features: A segmenter that looks at the encoder's maps, not at the photo alone.
     """
 
     module: str
     weights: str | None = None
     extra: bool = False
-    reads_features: bool = False
 
 
 def _recipes(module: str, *names: str, extra: bool = True) -> dict[str, Recipe]:
@@ -47,7 +45,7 @@ ENCODERS: dict[str, Recipe] = {
     **_recipes("zeroscd.encoders.dino", "dinov3-s"),
 }
 SEGMENTERS: dict[str, Recipe] = {
-    "lite": Recipe(module="zeroscd.segmenters.lite", reads_features=True),
+    "lite": Recipe(module="zeroscd.segmenters.lite"),
     **_recipes("zeroscd.segmenters.sam", "sam-vit-b", "sam-vit-l", "sam-vit-h"),
     **_recipes("zeroscd.segmenters.sam", "mobile-sam", "sam2.1-tiny", "sam2.1-small"),
     **_recipes("zeroscd.segmenters.sam", "sam2.1-base", "sam2.1-large"),

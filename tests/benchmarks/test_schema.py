@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
-# lite.json and its kin; other suites may keep results of their own form in other folders.
+# Of pair.py; other scripts keep results of their own form in folders.
 RESULTS = sorted((FOLDER / "results").glob("*.json"))
 SPREAD = {"median", "least", "most"}
 STAGES = {"encode", "align", "coarse", "segment", "refine"}
@@ -55,6 +55,16 @@ def test_a_committed_result_keeps_the_promised_form(path: Path) -> None:
     content = json.loads(path.read_text())
     check(content)
     assert content["name"] == path.stem
+
+
+@pytest.mark.parametrize(
+    "path",
+    sorted((FOLDER / "results").glob("*/*.json")),
+    ids=lambda path: f"{path.parent.name}/{path.stem}",
+)
+def test_the_form_of_every_other_result_is_described(path: Path) -> None:
+    assert isinstance(json.loads(path.read_text()), dict)
+    assert f"## `results/{path.parent.name}/NAME.json`" in (FOLDER / "README.md").read_text()
 
 
 def test_a_new_result_has_the_promised_form_and_every_key_is_described() -> None:

@@ -56,6 +56,6 @@ def test_equal_pairs_leave_no_doubt() -> None:
 
 
 def test_one_pair_or_none_with_change_gives_no_interval() -> None:
-    quiet = Counts(tp=0, fp=3, fn=0, tn=5)
+    unchanged = Counts(tp=0, fp=3, fn=0, tn=5)
     assert intervals([]) == {}
-    assert intervals([quiet, quiet, Counts(tp=1, fp=0, fn=0, tn=0)]) == {}
+    assert intervals([unchanged, unchanged, Counts(tp=1, fp=0, fn=0, tn=0)]) == {}

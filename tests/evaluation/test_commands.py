@@ -67,7 +67,7 @@ def app(toy: ModuleType, monkeypatch: pytest.MonkeyPatch) -> typer.Typer:
             return toy.ToyDetector(settings=settings, preset=self.preset)
 
     monkeypatch.setattr("zeroscd.cli.evaluate.make_run", make_run)
-    monkeypatch.setattr("zeroscd.cli.ablate._DetectorFactory", DetectorFactory)
+    monkeypatch.setattr("zeroscd.cli.ablate.PresetFactory", DetectorFactory)
     app = typer.Typer()
     app.command()(evaluate)
     app.command()(ablate)
@@ -117,7 +117,7 @@ def test_a_mask_that_is_not_as_large_as_its_photo_is_named(
     run(app, *words)
     assert "as large" not in capsys.readouterr().err
     save(tiny_folder / "mask" / "b.png", np.zeros((20, 60), np.uint8))
-    for _ in range(2):  # also when its score comes from the journal
+    for _ in range(2):  # also when its score comes from the ledger
         run(app, *words)
         (line,) = [one for one in capsys.readouterr().err.splitlines() if "as large" in one]
         assert line.startswith("warning: not as large as their t1 photo: masks of b; what")
@@ -210,6 +210,23 @@ def test_after_ctrl_c_evaluate_says_how_to_go_on(
     assert run(app, "evaluate", "folder", tiny_folder, "-o", tmp_path / "out") == INTERRUPTED
     assert "same command again" in capsys.readouterr().err
     assert not (tmp_path / "out" / "scores.json").exists()
+
+
+def test_the_size_of_the_former_cache_is_accepted_with_a_warning(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = "ablate", "folder", tiny_folder, "-o", tmp_path / "out", "--over", "tau=1"
+    assert not run(app, *words)
+    assert "cache" not in capsys.readouterr().err
+    assert not run(app, *words, "--cache-gb", "1")
+    assert "warning: --cache-gb has no effect" in capsys.readouterr().err
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "ablation.json",
+        "tables.md",
+        "tables.tex",
+        "report.html",
+        "runs",
+    }
 
 
 def test_the_presets_own_tau_is_a_point_like_others(

@@ -1,4 +1,4 @@
-"""What is kept of a detection: counts, distances, kinds, and back from the journal."""
+"""What is kept of a detection: counts, distances, kinds, and back from the ledger."""
 
 from __future__ import annotations
 
@@ -128,9 +128,9 @@ def test_kinds_are_not_judged_where_the_data_does_not_tell_them(blank: ChangeRes
 def test_distances_are_counted_by_truth_and_only_where_pixels_count(blank: ChangeResult) -> None:
     distance = np.where(box(0, 40), 1.5, 0.25).astype(np.float32)
     truth = truth_of(changed=box(0, 20), valid=~box(30, 40))
-    heat = distance_histogram(distance, truth)
-    assert (sum(heat.changed), heat.changed[75]) == (200, 200)
-    assert (heat.unchanged[75], heat.unchanged[12]) == (100, 3200 - 400)
+    histogram = distance_histogram(distance, truth)
+    assert (sum(histogram.changed), histogram.changed[75]) == (200, 200)
+    assert (histogram.unchanged[75], histogram.unchanged[12]) == (100, 3200 - 400)
 
 
 def test_the_curve_over_tau_is_that_worked_out_by_hand() -> None:
@@ -153,8 +153,8 @@ def test_the_curve_over_tau_is_that_worked_out_by_hand() -> None:
 
 
 def test_without_any_change_there_is_no_curve() -> None:
-    quiet = DistanceHistogram(changed=(0,) * 100, unchanged=(5,) * 100)
-    assert precision_recall([quiet]) == ()
+    unchanged = DistanceHistogram(changed=(0,) * 100, unchanged=(5,) * 100)
+    assert precision_recall([unchanged]) == ()
     assert precision_recall([]) == ()
     assert best_of(()) is None
 
@@ -171,7 +171,7 @@ def test_a_score_comes_back_from_json_as_it_was(kinds: KindHits | None) -> None:
         counts=Counts(tp=1, fp=2, fn=3, tn=4),
         seconds=0.1,
         stages={"features": 0.05},
-        heat=DistanceHistogram(changed=(1, 2), unchanged=(3, 4)),
+        histogram=DistanceHistogram(changed=(1, 2), unchanged=(3, 4)),
         kinds=kinds,
         consistency=0.3,
         not_aligned="blank",

@@ -1,12 +1,12 @@
 """A detector without networks: a pixel changed when its colour did. Also a program of its own.
 
-`python toy.py ROOT OUT LOG DELAY_S` evaluates it on a folder and writes each finished pair to LOG.
+`python toy.py ROOT OUT LOG [HOLD_AT]` evaluates it on a folder and writes each finished pair to
+LOG; at the pair of that number it stands still until its standard input is closed.
 """
 
 from __future__ import annotations
 
 import sys
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -73,11 +73,13 @@ class ToyDetector:
         return replace(self, settings=settings).detect(*evidence)
 
 
-def main(root: str, out: str, log: str, delay_s: str) -> None:
+def main(root: str, out: str, log: str, hold_at: str = "") -> None:
     def finish(photo: Rgb) -> None:
-        time.sleep(float(delay_s))
+        number = str(photo[0, 0, 0])
+        if number == hold_at:
+            sys.stdin.read()
         with Path(log).open("a") as file:
-            file.write(f"{int(photo[0, 0, 0])}\n")
+            file.write(f"{number}\n")
 
     dataset = open_dataset("folder", Path(root))
     detector = replace(ToyDetector.in_frame(dataset.frame), after_each=finish)

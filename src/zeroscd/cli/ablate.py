@@ -30,9 +30,9 @@ def ablate(
     settings: Overrides = None,
     device: Device = "auto",
     figures: Figures = False,
-    cache_gb: Annotated[float, typer.Option(min=0.1, help="Most space of the cache.")] = 20.0,
+    cache_gb: Annotated[float | None, typer.Option(hidden=True)] = None,
 ) -> None:
-    """Score many settings on a data set, computing features and outlines once.
+    """Score many settings on a data set, encoding each pair once.
 
     Prints a table, and writes OUT/ablation.json and OUT/report.html with the curve beside the
     paper's. An ablation that was stopped continues when the same command is given again.
@@ -41,25 +41,25 @@ def ablate(
     from zeroscd.evaluation.ablation.grid import parse_axis
     from zeroscd.evaluation.ablation.run import Plan
     from zeroscd.evaluation.ablation.run import ablate as run_ablation
-    from zeroscd.evaluation.ablation.store import GIBIBYTE
     from zeroscd.evaluation.datasets.catalogue import open_dataset
     from zeroscd.evaluation.report.ablation_page import ablation_page
     from zeroscd.evaluation.report.figures import check_figures, write_figures
     from zeroscd.settings import preset as preset_settings
 
+    if cache_gb is not None:  # accepted until 0.3
+        warn("--cache-gb has no effect any more: nothing is cached on disk; leave it out")
     if figures:
         check_figures()
     plan = Plan(
         settings=preset_settings(preset).override(parse_overrides(settings)),
         axes=tuple(parse_axis(text) for text in over),
         out=out,
-        cache_bytes=int(cache_gb * GIBIBYTE),
     )
     found = open_dataset(dataset, root).counting(count).first(limit)
     show_dataset(found)
     try:
         with Bar() as bar:
-            points = run_ablation(found, plan, _DetectorFactory(preset, device), progress=bar)
+            points = run_ablation(found, plan, PresetFactory(preset, device), progress=bar)
     except KeyboardInterrupt:
         warn(f"stopped; give the same command again to continue in {out}")
         raise
@@ -75,21 +75,26 @@ def ablate(
 
 
 @dataclass(frozen=True)
-class _DetectorFactory:
+class PresetFactory:
+    """Makes the detectors of a preset on a device."""
+
     preset: str
     device: str
 
     def check(self, settings: Settings) -> None:
+        """Refuse settings whose models cannot be loaded, without loading them."""
         from zeroscd.models import check_models
 
         check_models(settings)
 
     def load(self, settings: Settings) -> Models:
+        """Load the encoder and the segmenter that the settings name."""
         from zeroscd.models import load_models
 
         return load_models(settings, device=self.device)
 
     def build(self, settings: Settings, models: Models) -> Detector:
+        """Put a detector together."""
         from zeroscd.detector import Detector
 
         return Detector(settings, models, preset=self.preset)

@@ -1,4 +1,4 @@
-"""How far a score might move if the data set had held other pairs of the same kind."""
+"""Confidence intervals: how far a score might move with other pairs of the same kind."""
 
 from __future__ import annotations
 

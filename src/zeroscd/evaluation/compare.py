@@ -1,4 +1,4 @@
-"""Our row among the published ones, and beside other methods on the very same pairs."""
+"""Our scores among the published ones, and beside other methods on the same pairs."""
 
 from __future__ import annotations
 

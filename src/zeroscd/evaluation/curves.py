@@ -36,7 +36,7 @@ class CurvePoint:
         return 2 * self.precision * self.recall / total if total else 0.0
 
 
-def precision_recall(heats: Sequence[DistanceHistogram]) -> tuple[CurvePoint, ...]:
+def precision_recall(histograms: Sequence[DistanceHistogram]) -> tuple[CurvePoint, ...]:
     """Return the curve by rising tau, for thresholds that flag anything; empty without change.
 
     Example:
@@ -45,20 +45,20 @@ def precision_recall(heats: Sequence[DistanceHistogram]) -> tuple[CurvePoint, ..
         >>> precision_recall([DistanceHistogram(changed=low, unchanged=high)])[-1]
         CurvePoint(tau=1.98, precision=0.75, recall=1.0)
     """
-    if not heats:
+    if not histograms:
         return ()
-    hits = _at_or_above(np.sum([heat.changed for heat in heats], axis=0))
-    alarms = _at_or_above(np.sum([heat.unchanged for heat in heats], axis=0))
-    if hits[0] == 0:
+    tp = _at_or_above(np.sum([one.changed for one in histograms], axis=0))
+    fp = _at_or_above(np.sum([one.unchanged for one in histograms], axis=0))
+    if tp[0] == 0:
         return ()
     return tuple(
         CurvePoint(
             tau=round(step * MAX_DISTANCE / HISTOGRAM_BINS, 6),
-            precision=float(hits[step] / (hits[step] + alarms[step])),
-            recall=float(hits[step] / hits[0]),
+            precision=float(tp[step] / (tp[step] + fp[step])),
+            recall=float(tp[step] / tp[0]),
         )
         for step in range(HISTOGRAM_BINS)
-        if hits[step] + alarms[step]
+        if tp[step] + fp[step]
     )
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask
 
-# What a pair without any true change is worth in the means. Published codes differ: C-3PO, ZSSCD,
+# How a pair without any true change counts in the means. Published codes differ: C-3PO, ZSSCD,
 # Robust-SCD and GeSCF give it F1 = 0 whatever was predicted ("zero").
 EmptyPolicy: TypeAlias = Literal["skip", "zero", "one"]
 
@@ -70,11 +70,11 @@ class Counts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """One data set in six numbers, 0..1; None when no pair counts.
+    """A data set in six numbers, 0..1; None when no pair counts.
 
     Attributes:
         f1_macro: Mean of the pairs' F1 (C-3PO, ZSSCD, Robust-SCD, DR-TANet).
-        f1_pooled: F1 of all pixels thrown together.
+        f1_pooled: F1 of the pixels of all pairs together.
         f1_hm: Harmonic mean of mean precision and mean recall (GeSCF).
         precision_macro: Mean of the pairs' precision.
         recall_macro: Mean of the pairs' recall.
@@ -127,8 +127,8 @@ def summarise(counts: Sequence[Counts], *, empty: EmptyPolicy = "skip") -> Summa
 
     Args:
         counts: One entry a pair.
-        empty: What a pair without true change is worth: left out, 0, or 1 when nothing was
-            predicted there either (else 0). The pooled F1 knows only in and out.
+        empty: How a pair without true change counts: not at all, as 0, or as 1 when nothing was
+            predicted there either (else 0). The pooled F1 only leaves it out or in.
     """
     pairs = [pair for pair in counts if pair.has_change] if empty == "skip" else list(counts)
     if not pairs:
@@ -140,25 +140,25 @@ def summarise(counts: Sequence[Counts], *, empty: EmptyPolicy = "skip") -> Summa
             recall_macro=None,
             iou_macro=None,
         )
-    precision = _mean([_worth(pair, pair.precision, empty) for pair in pairs])
-    recall = _mean([_worth(pair, pair.recall, empty) for pair in pairs])
+    precision = _mean([_value_in_mean(pair, pair.precision, empty) for pair in pairs])
+    recall = _mean([_value_in_mean(pair, pair.recall, empty) for pair in pairs])
     return Summary(
-        f1_macro=_mean([_worth(pair, pair.f1, empty) for pair in pairs]),
+        f1_macro=_mean([_value_in_mean(pair, pair.f1, empty) for pair in pairs]),
         f1_pooled=pool(pairs).f1,
         f1_hm=_ratio(2 * precision * recall, precision + recall),
         precision_macro=precision,
         recall_macro=recall,
-        iou_macro=_mean([_worth(pair, pair.iou, empty) for pair in pairs]),
+        iou_macro=_mean([_value_in_mean(pair, pair.iou, empty) for pair in pairs]),
     )
 
 
 def false_positive_rate(counts: Sequence[Counts]) -> float:
     """Return the mean share of flagged pixels over pairs without change; 0 if there are none."""
-    quiet = [pair.flagged for pair in counts if not pair.has_change]
-    return _mean(quiet) if quiet else 0.0
+    unchanged = [pair.flagged for pair in counts if not pair.has_change]
+    return _mean(unchanged) if unchanged else 0.0
 
 
-def _worth(pair: Counts, value: float, empty: EmptyPolicy) -> float:
+def _value_in_mean(pair: Counts, value: float, empty: EmptyPolicy) -> float:
     if empty == "one" and not pair.has_change and pair.fp == 0:
         return 1.0
     return value

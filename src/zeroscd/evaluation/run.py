@@ -1,4 +1,4 @@
-"""Evaluate detectors over a data set: reading and scoring run beside the computing."""
+"""Evaluate detectors on a data set; reading and scoring overlap with detecting."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 AHEAD = 2  # pairs read before they are needed, for each core
 
 
-class Detects(Protocol):
+class PairDetector(Protocol):
     """Finds what changed; :class:`zeroscd.Detector` is one."""
 
     @property
@@ -67,20 +67,20 @@ class Run:
 
     Attributes:
         detector: Its frame must be the data set's.
-        out: Folder for the journal, the masks and `scores.json`.
+        out: Folder for the ledger, the masks and `scores.json`.
         swapped: The same detector for the swapped photos, set to the other frame, so that its
             mask lies in the same photo; given when temporal consistency is wanted.
     """
 
-    detector: Detects
+    detector: PairDetector
     out: Path
-    swapped: Detects | None = None
+    swapped: PairDetector | None = None
 
 
 def evaluate(dataset: Dataset, run: Run, *, progress: Progress | None = None) -> Scores:
     """Score a detector on every pair of a data set and write `scores.json`.
 
-    Pairs that an earlier run with the same content, settings and code has scored are reused.
+    Scores of an earlier run with the same files, settings and code are reused.
 
     Raises:
         SettingsError: The detector draws its mask in another frame than the data set.
@@ -96,7 +96,7 @@ def evaluate_all(
 ) -> list[Scores]:
     """Score several detectors in one pass over a data set; like `evaluate` for each."""
     scorers = [_PairScorer(dataset, run) for run in runs]
-    found = _pass_over(dataset, scorers, progress or Silent())
+    found = _score_pairs(dataset, scorers, progress or Silent())
     results = []
     for scorer, pairs in zip(scorers, found, strict=True):
         detector = scorer.run.detector
@@ -112,7 +112,7 @@ def evaluate_all(
 
 
 class _PairScorer:
-    """Where one run's pairs are looked up, detected and scored."""
+    """Looks up, detects and scores the pairs of one run."""
 
     def __init__(self, dataset: Dataset, run: Run) -> None:
         if run.detector.settings.frame != dataset.frame:
@@ -127,8 +127,8 @@ class _PairScorer:
                 raise DatasetError(message)
         self.run = run
         self._dataset = dataset
-        check_target(run.out / "masks")  # made with the first score: a data set may be no good
-        self._journal = ScoreLedger(run.out / "pairs.jsonl")
+        check_target(run.out / "masks")  # made with the first score: the data set may be unreadable
+        self._ledger = ScoreLedger(run.out / "pairs.jsonl")
         self._fingerprint = digest_values(
             {
                 "settings": run.detector.settings.to_dict(),
@@ -145,7 +145,7 @@ class _PairScorer:
         return digest([files.stem.encode(), content.encode(), self._fingerprint.encode()])
 
     def known(self, files: PairFiles, content: str) -> PairScore | None:
-        score = self._journal.get(self.key(files, content))
+        score = self._ledger.get(self.key(files, content))
         return score if score and self._mask_path(files).exists() else None
 
     def detect(self, pair: LoadedPair) -> _Detected:
@@ -166,7 +166,7 @@ class _PairScorer:
             counts=count_pair(result, pair.truth, counted),
             seconds=detected.seconds,
             stages=dict(result.seconds),
-            heat=distance_histogram(result.heatmap, pair.truth),
+            histogram=distance_histogram(result.heatmap, pair.truth),
             kinds=count_kinds(result, pair.truth),
             consistency=(
                 None
@@ -177,7 +177,7 @@ class _PairScorer:
             resized=found.shape != pair.truth.changed.shape,
         )
         write_whole(self._mask_path(files), _png(found))
-        self._journal.add(self.key(files, content), score)
+        self._ledger.add(self.key(files, content), score)
         return score
 
     def _mask_path(self, files: PairFiles) -> Path:
@@ -201,7 +201,7 @@ class _Prepared:
     pair: LoadedPair | None
 
 
-def _pass_over(
+def _score_pairs(
     dataset: Dataset, scorers: Sequence[_PairScorer], progress: Progress
 ) -> list[list[PairScore]]:
     progress.begin(len(dataset.pairs))
@@ -214,18 +214,18 @@ def _pass_over(
                 scores.append(score)
             progress.advance(ready.files.stem, reused=ready.pair is None)
             _raise_early(pending)
-    return [[_settle(score) for score in scores] for scores in pending]
+    return [[_value_of(score) for score in scores] for scores in pending]
 
 
 def _score_by_all(
     scorers: Sequence[_PairScorer], ready: _Prepared, pool: ThreadPoolExecutor
 ) -> list[PairScore | Future[PairScore]]:
-    """Return what each scorer knows of a pair, or will know when its score is counted."""
+    """Return the pair's score by every scorer: known already, or being counted."""
     pair = ready.pair
     if pair is None:
         return [score for score in ready.known if score is not None]
     asked = [scorer for scorer, known in zip(scorers, ready.known, strict=True) if known is None]
-    # The first one fills the cache of an ablation; the others find everything there.
+    # In an ablation the first one encodes the pair; the others share the result.
     detected = [asked[0].detect(pair), *pool.map(lambda scorer: scorer.detect(pair), asked[1:])]
     found = {
         id(scorer): pool.submit(scorer.score, ready.files, ready.content, pair, one)
@@ -259,14 +259,14 @@ def _prepare(files: PairFiles, dataset: Dataset, scorers: Sequence[_PairScorer])
 
 
 def _raise_early(pending: Sequence[Sequence[PairScore | Future[PairScore]]]) -> None:
-    """Stop at a scoring that failed (a full disk) instead of computing on for nothing."""
+    """Stop at a failed score (a full disk) instead of computing the rest for nothing."""
     for scores in pending:
         for score in scores[-AHEAD:]:
             if isinstance(score, Future) and score.done():
                 score.result()
 
 
-def _settle(score: PairScore | Future[PairScore]) -> PairScore:
+def _value_of(score: PairScore | Future[PairScore]) -> PairScore:
     return score.result() if isinstance(score, Future) else score
 
 

@@ -1,4 +1,4 @@
-"""What has been computed already, kept so that a killed evaluation loses nothing."""
+"""Scores on disk, so that a killed evaluation loses nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one pair contributes to the scores: everything that is kept of a detection."""
+"""The score of one pair: everything that is kept of a detection."""
 
 from __future__ import annotations
 
@@ -57,14 +57,14 @@ class DistanceHistogram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairScore:
-    """One pair's line in the journal.
+    """One pair's line in the ledger.
 
     Attributes:
         stem: The pair's name.
         counts: Pixels by truth and prediction.
         seconds: Wall time of the detection.
         stages: Wall time of each stage.
-        heat: For the precision-recall curve over tau.
+        histogram: For the precision-recall curve over tau.
         kinds: None where the data does not tell removed from added.
         consistency: IoU with the mask found after swapping the photos; None when not asked for.
         not_aligned: Why the photos were compared without alignment, or None.
@@ -75,7 +75,7 @@ class PairScore:
     counts: Counts
     seconds: float
     stages: Mapping[str, float]
-    heat: DistanceHistogram
+    histogram: DistanceHistogram
     kinds: KindHits | None = None
     consistency: float | None = None
     not_aligned: str | None = None
@@ -93,8 +93,8 @@ class PairScore:
             **{
                 **values,
                 "counts": Counts(**values["counts"]),
-                "heat": DistanceHistogram(
-                    **{name: tuple(bins) for name, bins in values["heat"].items()}
+                "histogram": DistanceHistogram(
+                    **{name: tuple(bins) for name, bins in values["histogram"].items()}
                 ),
                 "kinds": None if kinds is None else KindHits(**kinds),
             }
@@ -132,7 +132,7 @@ def count_kinds(result: ChangeResult, truth: Truth) -> KindHits | None:
     """Of the regions that hit a true change, count those with the right kind.
 
     A region is compared with the true changes of its own kind in its own photo, and with those of
-    the other kind carried over by the homography that the detector found.
+    the other kind warped into it by the detector's homography.
     """
     if truth.removed is None or truth.added is None:
         return None
@@ -175,6 +175,6 @@ def _histogram(values: NDArray[np.float32]) -> tuple[int, ...]:
 def _region_mask(region: Region, result: ChangeResult) -> Mask:
     whole = result.removed if region.kind == "removed" else result.added
     canvas = np.zeros(whole.shape, dtype=np.uint8)
-    outlines = [np.array(outline, dtype=np.int32) for outline in region.polygon_xy]
-    cv2.fillPoly(canvas, outlines, (1,))
+    polygons = [np.array(polygon, dtype=np.int32) for polygon in region.polygon_xy]
+    cv2.fillPoly(canvas, polygons, (1,))
     return canvas.astype(bool) & whole

@@ -1,4 +1,4 @@
-"""Reading the photos and the true masks of one pair at the data set's own size."""
+"""One pair in memory: photos and true masks at the data set's size."""
 
 from __future__ import annotations
 
@@ -7,21 +7,15 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
-from zeroscd.errors import DatasetError
+from zeroscd.evaluation.datasets.masks import read_mask
 from zeroscd.images.read import read_photo
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from zeroscd.arrays import Mask, Rgb
-    from zeroscd.evaluation.datasets.port import Dataset, MaskCode, PairFiles
-
-HALF_WHITE = 127  # the middle of 8-bit grey: above is white, up to here is black
-SKY = 255  # VL-CMU-CD's class id of sky, which is no change
+    from zeroscd.evaluation.datasets.port import Dataset, PairFiles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,22 +73,6 @@ def load_pair(files: PairFiles, dataset: Dataset) -> LoadedPair:
     return LoadedPair(before=before, after=after, truth=truth)
 
 
-def read_mask(path: Path, code: MaskCode) -> Mask:
-    """Read a mask file as (H, W) bool, True = changed.
-
-    Raises:
-        DatasetError: The file is missing or no picture.
-    """
-    values = _values(path, code)
-    if code == "colours":
-        return values > 0
-    if code == "class-ids":
-        return (values > 0) & (values < SKY)
-    # Some tools write 0 and 1 instead of 0 and 255.
-    threshold = 0 if values.max(initial=0) <= 1 else HALF_WHITE
-    return values > threshold if code == "white" else values <= threshold
-
-
 def resize_mask(mask: Mask, size_hw: tuple[int, ...] | None) -> Mask:
     """Bring a mask to a size by its nearest pixels; None leaves it as it is."""
     if size_hw is None or mask.shape == size_hw:
@@ -127,18 +105,3 @@ def _photo(path: Path, size_hw: tuple[int, int] | None) -> Rgb:
 
 def _kind_mask(path: Path | None, size_hw: tuple[int, int] | None) -> Mask | None:
     return None if path is None else resize_mask(read_mask(path, "white"), size_hw)
-
-
-def _values(path: Path, code: MaskCode) -> NDArray[np.uint8]:
-    """Read the picture as (H, W): brightest channel of colours, index of a class id, or grey."""
-    try:
-        with Image.open(path) as image:
-            if code == "colours":
-                brightest: NDArray[np.uint8] = np.array(image.convert("RGB")).max(axis=2)
-                return brightest
-            # A palette's index is the class id; its colour is only how the id is shown.
-            shown = image if code == "class-ids" and image.mode == "P" else image.convert("L")
-            return np.array(shown, dtype=np.uint8)
-    except (UnidentifiedImageError, OSError, Image.DecompressionBombError) as error:
-        message = f"cannot read the mask {path}: {error}; copy the data set again"
-        raise DatasetError(message) from error

@@ -1,1 +1,1 @@
-"""What a setting is worth: many settings on one data set, features and segments computed once."""
+"""What a setting is worth: many settings on one data set, each pair encoded once."""

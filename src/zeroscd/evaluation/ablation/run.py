@@ -1,4 +1,4 @@
-"""Run an ablation: every combination of settings, sharing what the networks computed."""
+"""Run an ablation: every combination of settings, in one pass for each set of networks."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from zeroscd.evaluation.ablation.cached import CachedEncoder, CachedSegmenter
 from zeroscd.evaluation.ablation.grid import combine
 from zeroscd.evaluation.ablation.shared import PairMemory, SharingDetector
-from zeroscd.evaluation.ablation.store import ArrayStore
 from zeroscd.evaluation.bootstrap import intervals
 from zeroscd.evaluation.run import Run, evaluate_all
-from zeroscd.fingerprint import digest_code, digest_weights, versions
-from zeroscd.models import SEGMENTERS, Models
+from zeroscd.fingerprint import versions
 from zeroscd.output import check_target, write_json
 from zeroscd.progress import Silent
 
@@ -26,10 +23,11 @@ if TYPE_CHECKING:
     from zeroscd.evaluation.ablation.shared import StagedDetector
     from zeroscd.evaluation.datasets.port import Dataset
     from zeroscd.evaluation.scores import Scores
+    from zeroscd.models import Models
     from zeroscd.progress import Progress
     from zeroscd.settings import Settings
 
-# Branches of the settings tree, and leaves, that no network sees.
+# Branches and leaves of the settings that no network reads.
 OUTSIDE_NETWORKS = frozenset({"align", "change", "refine", "frame"})
 
 
@@ -57,13 +55,11 @@ class Plan:
         settings: What all combinations share.
         axes: What they vary.
         out: Folder for everything.
-        cache_bytes: How large the cache of features and outlines may grow.
     """
 
     settings: Settings
     axes: tuple[Axis, ...]
     out: Path
-    cache_bytes: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,12 +76,12 @@ class Point:
 
 
 def ablate(
-    dataset: Dataset, plan: Plan, workshop: DetectorFactory, *, progress: Progress | None = None
+    dataset: Dataset, plan: Plan, factory: DetectorFactory, *, progress: Progress | None = None
 ) -> list[Point]:
     """Score every combination of settings and write `ablation.json`.
 
-    Segmenters are asked for everything, whatever `prompting` says, unless that is varied: outlines
-    then do not depend on tau and are computed once.
+    Every pair is encoded once for each set of networks, and compared once for each group of
+    settings that differ in thresholds only. Scores of an earlier run are reused.
 
     Raises:
         SettingsError: A setting is unknown, varied twice or cannot take a value.
@@ -94,20 +90,18 @@ def ablate(
         OutputError: The folder cannot be written.
     """
     combinations = combine(plan.axes)
-    shared = plan.settings.override({"frame": dataset.frame, "prompting": "everything"})
+    shared = plan.settings.override({"frame": dataset.frame})
     tried = [shared.override(values) for values in combinations]
     groups = _with_equal_networks(tried)
     for members in groups:  # all of them before the hours that the first may take
-        workshop.check(tried[members[0]])
+        factory.check(tried[members[0]])
     check_target(plan.out)
-    store = ArrayStore(plan.out / "cache", max_bytes=plan.cache_bytes)
     scores: dict[int, Scores] = {}
     for members in groups:
-        first = tried[members[0]]
-        models, memory = _cached(workshop.load(first), first, store), PairMemory()
+        models, memory = factory.load(tried[members[0]]), PairMemory()
         runs = [
             Run(
-                detector=SharingDetector(workshop.build(tried[at], models), memory),
+                detector=SharingDetector(factory.build(tried[at], models), memory),
                 out=plan.out / "runs" / slug_of(combinations[at]),
             )
             for at in members
@@ -153,22 +147,6 @@ def _networks_of(settings: Settings) -> str:
         name: value for name, value in settings.to_dict().items() if name not in OUTSIDE_NETWORKS
     }
     return json.dumps(kept, sort_keys=True)
-
-
-def _cached(models: Models, settings: Settings, store: ArrayStore) -> Models:
-    seen = json.loads(_networks_of(settings))
-    world = json.dumps([versions(), digest_code(), digest_weights(settings)])
-    of_encoder = {name: value for name, value in seen.items() if not name.startswith("segment")}
-    of_segmenter = {name: value for name, value in seen.items() if name != "encoder"}
-    return Models(
-        CachedEncoder(models.encoder, store, identity=world + json.dumps(of_encoder)),
-        CachedSegmenter(
-            models.segmenter,
-            store,
-            identity=world + json.dumps(of_segmenter),
-            reads_features=SEGMENTERS[settings.segmenter].reads_features,
-        ),
-    )
 
 
 def _point_dict(point: Point) -> dict[str, Any]:

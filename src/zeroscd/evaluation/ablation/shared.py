@@ -1,11 +1,10 @@
-"""Detectors that differ in thresholds weigh the same evidence, gathered once a pair."""
+"""Detectors with equal networks share one pair's encoded photos and evidence, in memory."""
 
 from __future__ import annotations
 
 from threading import Lock
 from typing import TYPE_CHECKING, Protocol
 
-from zeroscd.evaluation.ablation.store import key_of
 from zeroscd.settings import evidence_settings
 
 if TYPE_CHECKING:
@@ -35,33 +34,41 @@ class StagedDetector(Protocol):
         ...
 
     def compare(self, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto) -> Evidence:
-        """Gather what no threshold decides."""
+        """Gather everything that no threshold decides."""
         ...
 
     def decide(self, evidence: Evidence, settings: Settings) -> ChangeResult:
-        """Weigh evidence that may have been gathered under other thresholds."""
+        """Apply thresholds to evidence that may have been gathered under others."""
         ...
 
 
 class PairMemory:
-    """What the detectors of one ablation have gathered about the pair they are at."""
+    """The encoded photos of the current pair and the evidence gathered about them so far.
+
+    A pair is known by its arrays, not by their content: all detectors must be given the same
+    two. Only one pair is held at a time.
+    """
 
     def __init__(self) -> None:
-        self._turn = Lock()  # networks are asked by one thread at a time
-        self._pair = ""
-        self._views: list[EncodedPhoto] = []
+        self._lock = Lock()  # one thread encodes, the others wait for it
+        self._photos: tuple[Rgb, Rgb] | None = None
+        self._encoded: list[EncodedPhoto] = []
         self._gathered: dict[Settings, Evidence] = {}
 
     def evidence(self, detector: StagedDetector, before: Rgb, after: Rgb) -> Evidence:
         """Return a pair's evidence, gathered by whichever detector asks first."""
-        pair, wanted = key_of(before, after), evidence_settings(detector.settings)
-        with self._turn:
-            if pair != self._pair:
-                self._views, self._gathered = detector.encode([before, after]), {}
-                self._pair = pair
+        wanted = evidence_settings(detector.settings)
+        with self._lock:
+            if not self._holds(before, after):
+                self._encoded, self._gathered = detector.encode([before, after]), {}
+                self._photos = (before, after)
             if wanted not in self._gathered:
-                self._gathered[wanted] = detector.compare(*self._views)
+                self._gathered[wanted] = detector.compare(*self._encoded)
             return self._gathered[wanted]
+
+    def _holds(self, before: Rgb, after: Rgb) -> bool:
+        held = self._photos
+        return held is not None and held[0] is before and held[1] is after
 
 
 class SharingDetector:

@@ -1,1 +1,1 @@
-"""Where the pairs of the published data sets lie on disk, and how their masks are read."""
+"""The data sets: where their pairs lie on disk and how their masks are read."""

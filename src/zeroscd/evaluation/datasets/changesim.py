@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
-from zeroscd.evaluation.datasets.tree import join, shorten, stray_note, wrong_tree
+from zeroscd.evaluation.datasets.tree import join, shorten, stray_note, wrong_layout
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,7 +23,7 @@ def open_root(root: Path, name: str) -> Dataset:
     """
     sequences = _sequences(root / "Query" / "Query_Seq_Test") or _sequences(root)
     if not sequences:
-        raise wrong_tree(name, root, expected=EXPECTED, source=SOURCE)
+        raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     pairs: list[PairFiles] = []
     stray: tuple[str, ...] = ()
     for sequence in sequences:
@@ -35,7 +35,7 @@ def open_root(root: Path, name: str) -> Dataset:
             for stem, (before, after, mask) in joined.rows.items()
         ]
     if not pairs:
-        raise wrong_tree(name, root, expected=EXPECTED, source=SOURCE)
+        raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     places = [f"{sequence.parent.name}/{sequence.name}" for sequence in sequences]
     return Dataset(
         name=name,

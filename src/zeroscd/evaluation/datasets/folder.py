@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, get_args
 
 from zeroscd.errors import DatasetError
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
-from zeroscd.evaluation.datasets.tree import images_in, join, stray_note, wrong_tree
+from zeroscd.evaluation.datasets.tree import images_in, join, stray_note, wrong_layout
 from zeroscd.records import Frame
 
 if TYPE_CHECKING:
@@ -27,10 +27,10 @@ def open_root(root: Path, name: str = "folder") -> Dataset:
     """
     folders = [root / part for part in ("t0", "t1", "mask")]
     if not all(folder.is_dir() for folder in folders):
-        raise wrong_tree(name, root, expected=EXPECTED, source=SOURCE)
+        raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     joined = join(*folders)
     if not joined.rows:
-        raise wrong_tree(name, root, expected=EXPECTED, source="no name is in all three folders")
+        raise wrong_layout(name, root, expected=EXPECTED, source="no name is in all three folders")
     removed, added = _optional(root / "removed"), _optional(root / "added")
     return Dataset(
         name=name,

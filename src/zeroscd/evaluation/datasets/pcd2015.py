@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from zeroscd.errors import DatasetError
+from zeroscd.evaluation.datasets.masks import read_mask
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
 from zeroscd.evaluation.datasets.tree import (
     Joined,
     count_note,
-    descend,
+    first_holding,
     join,
     stray_note,
-    wrong_tree,
+    wrong_layout,
 )
-from zeroscd.evaluation.truth import read_mask
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,14 +45,14 @@ def open_root(root: Path, name: str) -> Dataset:
     """
     subset = name.rpartition("-")[2].upper()
     for truth in ("mask", "ground_truth"):
-        folder = descend(root, subset, f"PCD/{subset}", holding=("t0", "t1", truth))
+        folder = first_holding(root, subset, f"PCD/{subset}", holding=("t0", "t1", truth))
         if folder is not None:
             joined = join(folder / "t0", folder / "t1", folder / truth)
             if joined.rows:
                 return _published(root, name, joined, truth)
     if (root / "set0" / "test").is_dir():
         return _crops(root, name)
-    raise wrong_tree(name, root, expected=EXPECTED, source=SOURCE)
+    raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
 
 
 def fold_of(index: int) -> int:
@@ -92,7 +92,7 @@ def _crops(root: Path, name: str) -> Dataset:
     for fold in range(FOLDS):
         folder = root / f"set{fold}" / "test"
         if not folder.is_dir():
-            raise wrong_tree(name, root, expected=EXPECTED, source=f"{folder} is missing")
+            raise wrong_layout(name, root, expected=EXPECTED, source=f"{folder} is missing")
         joined = join(folder / "t0", folder / "t1", folder / "mask")
         stray += joined.stray
         for stem, (before, after, mask) in joined.rows.items():

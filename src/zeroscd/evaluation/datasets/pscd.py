@@ -5,7 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
-from zeroscd.evaluation.datasets.tree import count_note, descend, join, stray_note, wrong_tree
+from zeroscd.evaluation.datasets.tree import (
+    count_note,
+    first_holding,
+    join,
+    stray_note,
+    wrong_layout,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,12 +29,12 @@ def open_root(root: Path, name: str) -> Dataset:
         DatasetError: The folders are not there, or a pair is incomplete.
     """
     parts = ("t0", "t1", "mask_t0", "mask_t1")
-    folder = descend(root, "PSCD", holding=parts)
+    folder = first_holding(root, "PSCD", holding=parts)
     if folder is None:
-        raise wrong_tree(name, root, expected=EXPECTED, source=SOURCE)
+        raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     joined = join(*(folder / part for part in parts))
     if not joined.rows:
-        raise wrong_tree(name, root, expected=EXPECTED, source=SOURCE)
+        raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     return Dataset(
         name=name,
         root=root,

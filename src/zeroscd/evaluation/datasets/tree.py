@@ -1,4 +1,4 @@
-"""ComparedPair the files of pairs in folders, joined by name and never by sort order."""
+"""Match the files of pairs in folders, joined by name and never by sort order."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def join(*folders: Path) -> Joined:
     return Joined(rows, tuple(stray))
 
 
-def descend(root: Path, *below: str, holding: tuple[str, ...]) -> Path | None:
+def first_holding(root: Path, *below: str, holding: tuple[str, ...]) -> Path | None:
     """Return the first of the root and folders below it that holds all the named folders."""
     for folder in (root, *(root / name for name in below)):
         if all((folder / name).is_dir() for name in holding):
@@ -89,7 +89,7 @@ def stray_note(stray: tuple[str, ...]) -> tuple[str, ...]:
     return (f"ignored {len(stray)} files without partners: {shorten(stray)}",) if stray else ()
 
 
-def wrong_tree(name: str, root: Path, *, expected: str, source: str) -> DatasetError:
+def wrong_layout(name: str, root: Path, *, expected: str, source: str) -> DatasetError:
     """Compose the error for a root that looks like none of the known layouts."""
     if not root.is_dir():
         return DatasetError(f"{root} is not a folder; {name} expects {expected} ({source})")

@@ -8,12 +8,12 @@ from zeroscd.evaluation.datasets.port import Dataset, PairFiles
 from zeroscd.evaluation.datasets.tree import (
     Joined,
     count_note,
-    descend,
+    first_holding,
     images_in,
     join,
     refuse_missing,
     stray_note,
-    wrong_tree,
+    wrong_layout,
 )
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def open_root(root: Path, name: str) -> Dataset:
         DatasetError: Neither distribution is there, or a pair is incomplete.
     """
     parts = ("t0", "t1", "mask")
-    prepared = descend(
+    prepared = first_holding(
         root, "test", "VL-CMU-CD-binary255/test", "VL-CMU-CD-binary255", holding=parts
     )
     if prepared is not None:
@@ -56,14 +56,14 @@ def open_root(root: Path, name: str) -> Dataset:
         return _dataset(root, name, Joined(upright, joined.stray), layout=layout, code="white")
     sequences = _raw_sequences(root)
     if not sequences:
-        raise wrong_tree(name, root, expected=EXPECTED, source=SOURCE)
+        raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     layout = "raw distribution (NNN/{RGB,GT}, class ids, 255 = sky), the 54 test sequences"
     return _dataset(root, name, _join_raw(sequences), layout=layout, code="class-ids")
 
 
 def _dataset(root: Path, name: str, joined: Joined, *, layout: str, code: MaskCode) -> Dataset:
     if not joined.rows:
-        raise wrong_tree(name, root, expected=EXPECTED, source=SOURCE)
+        raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     return Dataset(
         name=name,
         root=root,

@@ -122,7 +122,7 @@ def score_page(scores: Scores, out: Path, *, chosen: Sequence[str] = ()) -> Page
 
 def heat_chart(scores: Scores) -> Chart:
     """Draw precision over recall of the distance map alone, before any outline is known."""
-    curve = precision_recall([pair.heat for pair in scores.pairs])
+    curve = precision_recall([pair.histogram for pair in scores.pairs])
     best = best_of(curve)
     lines = [Line(name="distance map", points_xy=tuple((at.recall, at.precision) for at in curve))]
     if best is not None:

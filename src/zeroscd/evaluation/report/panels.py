@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from zeroscd.errors import SettingsError
-from zeroscd.evaluation.truth import load_pair, read_mask, resize_mask
+from zeroscd.evaluation.datasets.masks import read_mask
+from zeroscd.evaluation.truth import load_pair, resize_mask
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -42,8 +42,8 @@ def means_table(scores: Scores) -> Table:
         (MEANINGS[name], number(value), ends.get(name, "-"))
         for name, value in asdict(scores.summary).items()
     ]
-    quiet = sum(not pair.has_change for pair in counts)
-    rows.append(("pairs without change", str(quiet), ""))
+    unchanged = sum(not pair.has_change for pair in counts)
+    rows.append(("pairs without change", str(unchanged), ""))
     rows.append(("share flagged in those", number(false_positive_rate(counts), digits=4), ""))
     optional = {
         "right kind (removed, added)": scores.kind_accuracy,
