@@ -27,7 +27,7 @@ LAYERS = (
     ("records",),
     ("weights",),
     ("encoders", "alignment", "change", "segmenters", "refine"),
-    ("models", "evidence"),
+    ("models", "evidence", "pages"),
     ("fingerprint", "export"),
     ("steps", "result"),
     ("detector",),
@@ -47,6 +47,7 @@ HOMES = {
     "fastapi": {"serve"},
     "gradio": {"serve"},
     "typer": {"cli"},
+    "jinja2": {"pages"},
 }
 
 
@@ -171,7 +172,7 @@ def test_what_lies_above_the_detector_decides_no_result() -> None:
     above = {part for part, level in LEVEL.items() if level > LEVEL["detector"]}
     folders = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"__pycache__"}
     # Exports lie below, for a result can save itself; they draw what was decided.
-    assert set(PRESENTING) == {*above & folders, "export", "samples"}
+    assert set(PRESENTING) == {*above & folders, "export", "pages", "samples"}
 
 
 @pytest.mark.parametrize("library", HOMES)

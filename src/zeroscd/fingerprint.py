@@ -21,7 +21,17 @@ if TYPE_CHECKING:
     from zeroscd.settings import Settings
 
 # Folders of the package that only present results; all others may change one.
-PRESENTING = ("cli", "serve", "survey", "export", "batch", "retrieval", "samples", "evaluation")
+PRESENTING = (
+    "cli",
+    "serve",
+    "survey",
+    "export",
+    "pages",
+    "batch",
+    "retrieval",
+    "samples",
+    "evaluation",
+)
 DECIDING = frozenset({".py", ".safetensors", ".json"})
 PACKAGES = (
     "zeroscd",

@@ -6,7 +6,7 @@ import io
 import numpy as np
 from PIL import Image
 
-from zeroscd.export.pictures import jpeg_uri, png, png_uri
+from zeroscd.export.pictures import data_uri, jpeg, png
 
 
 def opened(content: bytes) -> Image.Image:
@@ -28,8 +28,8 @@ def test_colours_and_transparency_come_back_from_a_png() -> None:
 def test_addresses_hold_the_picture_itself() -> None:
     pixels = np.full((8, 16, 3), (200, 30, 60), np.uint8)
     for address, head in (
-        (jpeg_uri(pixels, quality=90), "data:image/jpeg;base64,"),
-        (png_uri(pixels), "data:image/png;base64,"),
+        (data_uri(jpeg(pixels, quality=90)), "data:image/jpeg;base64,"),
+        (data_uri(png(pixels)), "data:image/png;base64,"),
     ):
         assert address.startswith(head)
         back = np.asarray(opened(base64.b64decode(address.removeprefix(head))).convert("RGB"))

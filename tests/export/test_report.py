@@ -3,6 +3,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
@@ -139,6 +140,33 @@ def test_a_file_name_cannot_break_out(named: Callable[[str], ChangeResult], name
 def test_a_reason_cannot_break_out_either(not_aligned: ChangeResult) -> None:
     object.__setattr__(not_aligned.alignment, "reason", "<b>bold</b>")
     assert Page(render_report(not_aligned)).all("b") == []
+
+
+def test_a_card_tells_kind_score_and_area(text: str) -> None:
+    card = text.split('id="region-1"')[1].split("</li>", maxsplit=1)[0]
+    for words in (
+        "removed",
+        "0.91",
+        "4.2\N{NO-BREAK SPACE}% of the photo (200 px)",
+        "Region 1, before",
+    ):
+        assert words in card
+
+
+def test_of_very_many_regions_all_outlines_and_the_most_certain_cards_are_shown(
+    result: ChangeResult,
+) -> None:
+    one = result.regions[1]
+    many = replace(result, regions=tuple(replace(one, id=n) for n in range(1, 81)))
+    page = Page(render_report(many))
+    assert "Regions (60 of 80, the most certain ones)" in page.words["h2"]
+    assert len(page.all("li")) == 60
+    assert len([a for a in page.all("a") if "chip" in str(a.get("class"))]) == 60
+    assert len(page.all("g")) == 80
+
+
+def test_without_regions_the_page_says_so(nothing: ChangeResult) -> None:
+    assert "No region changed." in render_report(nothing)
 
 
 def test_the_same_result_gives_the_same_page(text: str, result: ChangeResult) -> None:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask, Rgb
 
+PNG_START = b"\x89PNG"
+
 
 def png(pixels: Rgb | Mask | NDArray[np.uint8]) -> bytes:
     """Write a picture as PNG; a mask becomes 8-bit grey, 0 or 255.
@@ -31,21 +33,13 @@ def jpeg(pixels: Rgb, *, quality: int) -> bytes:
     return _encoded(pixels, "JPEG", quality=quality)
 
 
-def jpeg_uri(pixels: Rgb, *, quality: int) -> str:
-    """Write a photo as a JPEG inside an address, for a page that must stand alone."""
-    return _uri(jpeg(pixels, quality=quality), "image/jpeg")
-
-
-def png_uri(pixels: Rgb | Mask | NDArray[np.uint8]) -> str:
-    """Write a picture as a PNG inside an address."""
-    return _uri(png(pixels), "image/png")
+def data_uri(content: bytes) -> str:
+    """Write a JPEG or PNG file as an address, for a page that must stand alone."""
+    kind = "png" if content.startswith(PNG_START) else "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def _encoded(pixels: NDArray[np.generic], kind: str, **options: int) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, kind, **options)
     return buffer.getvalue()
-
-
-def _uri(content: bytes, media_type: str) -> str:
-    return f"data:{media_type};base64,{base64.b64encode(content).decode('ascii')}"

@@ -1,111 +1,61 @@
-"""The changed regions as parts of the report: outlines, numbers and cards."""
+"""The changed regions as cards of the report: what changed, and both photos cut out there."""
 
 from __future__ import annotations
 
-from html import escape
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from zeroscd.export.frame import UNSEEN_GREY
-from zeroscd.export.pictures import jpeg_uri
+from zeroscd.export.pictures import data_uri, jpeg
 from zeroscd.export.summary import percent
+from zeroscd.pages import MAX_CHIPS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Mapping
 
-    from zeroscd.arrays import PointsXy, Rgb
+    from zeroscd.arrays import Rgb
     from zeroscd.export.frame import CommonFrame
     from zeroscd.records import Changes, Region
 
-MAX_SHOWN = 60  # cards; each holds two little pictures
 THUMB_WH = (240, 180)
 THUMB_QUALITY = 80
 MIN_SCALE = 0.1  # view pixels a thumbnail pixel, before the margin: tiny regions stay small
 THUMB_MARGIN = 0.3  # of the region's size, so that one sees where it lies
-SIGNS = {"removed": "−", "added": "+"}  # noqa: RUF001 - a real minus sign, as wide as the plus
 
 
-def title(regions: Sequence[Region]) -> str:
-    """Return the heading of the list."""
-    if len(regions) > MAX_SHOWN:
-        return f"Regions ({MAX_SHOWN} of {len(regions)}, the most certain ones)"
-    return f"Regions ({len(regions)})"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Card:
+    """What the report says about one region.
+
+    Attributes:
+        region: The region.
+        share: Of the area of its photo, in words.
+        thumbs: URIs of small pictures of the place, by "before" and "after".
+    """
+
+    region: Region
+    share: str
+    thumbs: Mapping[str, str]
 
 
-def shapes(regions: Iterable[Region], view: CommonFrame) -> str:
-    """Return the outlines as SVG paths in pixels of the view."""
-    return "".join(
-        f'<g class="{region.kind}" data-region="{region.id}">'
-        f'<path class="casing" d="{path}"/><path class="line" d="{path}"/></g>'
-        for region in regions
-        for path in [_path(region, view)]
-    )
+def region_cards(result: Changes, view: CommonFrame) -> list[Card]:
+    """Describe the regions that have a number in the picture, the most certain ones."""
+    return [_card(region, result, view) for region in result.regions[:MAX_CHIPS]]
 
 
-def chips(regions: Sequence[Region], view: CommonFrame) -> str:
-    """Return the numbers on the picture, each a link to its card."""
-    return "".join(_chip_link(region, view) for region in regions[:MAX_SHOWN])
-
-
-def cards(result: Changes, view: CommonFrame) -> str:
-    """Return the list of regions, or a sentence if there are none."""
-    if not result.regions:
-        return '<p class="none">No region changed.</p>'
-    items = "\n".join(_card(region, result, view) for region in result.regions[:MAX_SHOWN])
-    return f'<ol class="cards">\n{items}\n</ol>'
-
-
-def _path(region: Region, view: CommonFrame) -> str:
-    rings = _rings(region, view)
-    return "".join(f"M{' '.join(f'{x:.1f},{y:.1f}' for x, y in ring)}Z" for ring in rings)
-
-
-def _rings(region: Region, view: CommonFrame) -> list[PointsXy]:
-    # Half a pixel more: SVG counts from a pixel's corner, polygons from its centre.
-    return [view.carry(np.array(ring), frame=region.frame) + 0.5 for ring in region.polygon_xy]
-
-
-def _chip_link(region: Region, view: CommonFrame) -> str:
-    height, width = view.size_hw
-    x, y = min((point for ring in _rings(region, view) for point in ring), key=lambda xy: xy[1])
-    left = min(max(100 * x / width, 2), 98)  # never hidden by the picture's edge
-    top = min(max(100 * y / height, 2), 98)
-    return (
-        f'<a class="chip {region.kind}" data-region="{region.id}" href="#region-{region.id}" '
-        f'style="left:{left:.2f}%;top:{top:.2f}%" '
-        f'aria-label="Region {region.id}, {region.kind}">{region.id}</a>'
-    )
-
-
-def _card(region: Region, result: Changes, view: CommonFrame) -> str:
+def _card(region: Region, result: Changes, view: CommonFrame) -> Card:
     photo = result.before if region.frame == "t0" else result.after
-    share = region.area_px / (photo.size_hw[0] * photo.size_hw[1])
-    kind = escape(region.kind)
-    return (
-        f'<li class="card" id="region-{region.id}" data-region="{region.id}">'
-        f'<h3><span class="chip {kind}">{region.id}</span>'
-        f'<span class="kind {kind}">{SIGNS[region.kind]} {kind}</span>'
-        f'<a href="#stage" aria-label="Show region {region.id} in the picture">'
-        "show in picture</a></h3>"
-        f'<div class="thumbs">{_thumb(region, view, "before")}{_thumb(region, view, "after")}</div>'
-        f'<dl class="meta"><dt>score</dt><dd class="bar" aria-hidden="true">'
-        f'<span style="width:{100 * region.score:.0f}%"></span></dd><dd>{region.score:.2f}</dd>'
-        f'<dt>area</dt><dd class="wide">{percent(share)} of the photo '
-        f"({region.area_px:,} px)</dd></dl></li>"
-    )
-
-
-def _thumb(region: Region, view: CommonFrame, when: str) -> str:
-    uri = jpeg_uri(
-        _cut(view.before if when == "before" else view.after, _box(region, view)),
-        quality=THUMB_QUALITY,
-    )
-    alt = f"Region {region.id}, {when}"
-    return (
-        f'<figure><img src="{uri}" alt="{alt}" width="{THUMB_WH[0]}" height="{THUMB_WH[1]}">'
-        f"<figcaption>{when}</figcaption></figure>"
+    box_xywh = _box(region, view)
+    return Card(
+        region=region,
+        share=percent(region.area_px / (photo.size_hw[0] * photo.size_hw[1])),
+        thumbs={
+            when: data_uri(jpeg(_cut(pixels, box_xywh), quality=THUMB_QUALITY))
+            for when, pixels in (("before", view.before), ("after", view.after))
+        },
     )
 
 

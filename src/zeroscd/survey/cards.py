@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from zeroscd.export.files import REPORT
-from zeroscd.export.regions import SIGNS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from zeroscd.survey.thumbs import Thumb
 
 KINDS = ("removed", "added")
+SIGNS = {"removed": "−", "added": "+"}  # noqa: RUF001 - a real minus sign, as wide as the plus
 DATE = 10  # characters of an ISO time that are its date
 
 

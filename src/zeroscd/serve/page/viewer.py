@@ -6,11 +6,15 @@ from html import escape
 from string import Template
 from typing import TYPE_CHECKING
 
-from zeroscd.export import colormap, regions, summary
+from zeroscd.export import colormap, summary
 from zeroscd.export.page import asset
+from zeroscd.export.viewer import LAYERS, to_viewer
+from zeroscd.pages import MAX_CHIPS
+from zeroscd.pages.viewer import svg_path
 from zeroscd.serve.page.files import DOWNLOADS
 
 if TYPE_CHECKING:
+    from zeroscd.pages import Viewer
     from zeroscd.records import Region
     from zeroscd.result import ChangeResult
     from zeroscd.serve.page.cached_result import CachedResult
@@ -18,7 +22,7 @@ if TYPE_CHECKING:
 ASSETS = "serve/page"  # where the page's own files lie
 ROWS = ("top", "middle", "bottom")
 COLUMNS = ("left", "centre", "right")
-MAX_SHOWN = regions.MAX_SHOWN  # rows of the table; the data holds all
+SIGNS = {"removed": "−", "added": "+"}  # noqa: RUF001 - a real minus sign, as wide as the plus
 
 
 def render(kept: CachedResult, name: str) -> str:
@@ -31,6 +35,7 @@ def render(kept: CachedResult, name: str) -> str:
     result, view = kept.result, kept.view
     height, width = view.size_hw
     end = colormap.scale_end(view.heatmap)
+    shown = to_viewer(result, view, dict.fromkeys(LAYERS, ""))
     return Template(asset(ASSETS, "viewer.html")).substitute(
         at=f"/pagedata/results/{name}/{kept.version}",
         width=width,
@@ -40,8 +45,8 @@ def render(kept: CachedResult, name: str) -> str:
             f'<p class="z-warning" role="note">{escape(text)}</p>'
             for text in summary.warnings(result)
         ),
-        shapes=regions.shapes(result.regions[:MAX_SHOWN], view),
-        chips=regions.chips(result.regions, view),
+        shapes=_shapes(shown),
+        chips=_chips(shown),
         table=_table(result),
         downloads=_downloads(f"/pagedata/results/{name}/{kept.version}"),
         gradient=colormap.css_gradient(),
@@ -65,12 +70,30 @@ def place(region: Region, size_hw: tuple[int, int]) -> str:
     return "centre" if (row, column) == ("middle", "centre") else f"{row} {column}"
 
 
+def _shapes(shown: Viewer) -> str:
+    return "".join(
+        f'<g class="{shape.kind}" data-region="{shape.id}"><path class="casing" d="{path}"/>'
+        f'<path class="line" d="{path}"/></g>'
+        for shape in shown.shapes[:MAX_CHIPS]
+        for path in [svg_path(shape.rings_xy)]
+    )
+
+
+def _chips(shown: Viewer) -> str:
+    return "".join(
+        f'<a class="chip {shape.kind}" data-region="{shape.id}" href="#region-{shape.id}" '
+        f'style="left:{left:.2f}%;top:{top:.2f}%" '
+        f'aria-label="Region {shape.id}, {shape.kind}">{shape.id}</a>'
+        for shape, left, top in shown.chips
+    )
+
+
 def _table(result: ChangeResult) -> str:
     if not result.regions:
         return '<p class="z-none">No region changed. A higher sensitivity finds weaker changes.</p>'
-    rows = "".join(_row(region, result) for region in result.regions[:MAX_SHOWN])
+    rows = "".join(_row(region, result) for region in result.regions[:MAX_CHIPS])
     return (
-        f'<div class="z-scroll"><table><caption>{regions.title(result.regions)}: choose one to '
+        f'<div class="z-scroll"><table><caption>Regions ({len(result.regions)}): choose one to '
         'see it in the picture</caption><thead><tr><th scope="col">Region</th>'
         '<th scope="col">Change</th><th scope="col">Where</th><th scope="col">Area</th>'
         f'<th scope="col">Score</th></tr></thead><tbody>{rows}</tbody></table></div>'
@@ -85,7 +108,7 @@ def _row(region: Region, result: ChangeResult) -> str:
         f'<tr id="region-{region.id}" data-region="{region.id}">'
         f'<td><button type="button" class="chip {kind}" aria-pressed="false" '
         f'aria-label="Show region {region.id}, {kind}, in the picture">{region.id}</button></td>'
-        f'<th scope="row" class="{kind}">{regions.SIGNS[kind]} {kind}</th>'
+        f'<th scope="row" class="{kind}">{SIGNS[kind]} {kind}</th>'
         f"<td>{place(region, photo.size_hw)}</td><td>{summary.percent(share)}</td>"
         f"<td>{region.score:.2f}</td></tr>"
     )

@@ -1,0 +1,75 @@
+"""A result as the before/after viewer shows it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from zeroscd.export import colormap, summary
+from zeroscd.export.overlay import hatch_layer
+from zeroscd.export.pictures import jpeg, png
+from zeroscd.pages import Shape, Viewer
+from zeroscd.records import Alignment
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from zeroscd.export.frame import CommonFrame
+    from zeroscd.records import Changes, Region
+
+PHOTO_QUALITY = 85
+HEAT_QUALITY = 75
+
+
+def _heat(view: CommonFrame) -> bytes:
+    end = colormap.scale_end(view.heatmap)
+    colours = colormap.apply_colormap(view.heatmap, unknown=view.unknown, end=end)
+    return jpeg(colours, quality=HEAT_QUALITY)
+
+
+# The pictures that lie on top of each other, by what each shows; JPEG, and PNG where clear.
+LAYERS: dict[str, Callable[[CommonFrame], bytes]] = {
+    "before": lambda view: jpeg(view.before, quality=PHOTO_QUALITY),
+    "after": lambda view: jpeg(view.after, quality=PHOTO_QUALITY),
+    "heat": _heat,
+    "unknown": lambda view: png(hatch_layer(view.unknown)),
+}
+
+
+def to_viewer(
+    result: Changes, view: CommonFrame, uris: Mapping[str, str], *, prefix: str = ""
+) -> Viewer:
+    """Describe a result for the viewer.
+
+    Args:
+        result: What is shown.
+        view: Its photos and masks in one frame.
+        uris: Where the page finds each of `LAYERS`.
+        prefix: Of the element ids, where a page has several viewers.
+    """
+    moved = isinstance(result.alignment, Alignment)
+    names = {"before": result.before, "after": result.after}
+    alts = {
+        when: f"Photo {when}: {summary.photo_name(photo, otherwise=when)}"
+        for when, photo in names.items()
+    }
+    if moved:
+        other, own = ("before", "after") if result.frame == "t1" else ("after", "before")
+        alts[other] += f", warped onto the photo {own}"
+    return Viewer(
+        size_hw=view.size_hw,
+        uris=uris,
+        before_alt=alts["before"],
+        after_alt=alts["after"],
+        shapes=[to_shape(region, view) for region in result.regions],
+        scale_end=colormap.scale_end(view.heatmap),
+        gradient=colormap.css_gradient(),
+        prefix=prefix,
+    )
+
+
+def to_shape(region: Region, view: CommonFrame) -> Shape:
+    """Carry a region's outline into the view."""
+    rings = [view.carry(np.array(ring), frame=region.frame).tolist() for ring in region.polygon_xy]
+    return Shape(id=region.id, kind=region.kind, score=region.score, rings_xy=rings)

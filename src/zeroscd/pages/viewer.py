@@ -1,0 +1,85 @@
+"""What the before/after viewer shows: four pictures of one size, and outlines over them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+Ring = Sequence[Sequence[float]]  # (N, 2) x and y
+MAX_CHIPS = 60  # numbers on the picture; more would hide it
+EDGE_PERCENT = 2.0  # a number is never hidden by the picture's edge
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """The outline of one changed region.
+
+    Attributes:
+        id: Number of the region, from 1.
+        kind: "removed" or "added".
+        score: 0..1.
+        rings_xy: Outer rings and holes, in pixels of the picture, centres at whole numbers.
+    """
+
+    id: int
+    kind: str
+    score: float
+    rings_xy: Sequence[Ring]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Viewer:
+    """One before/after viewer.
+
+    Attributes:
+        size_hw: Of all four pictures.
+        uris: Where each picture is, as an address or inside a `data:` URI: "before" and "after",
+            the photos in the common frame; "heat", the heat map in colours; "unknown", the
+            hatching of places that only one photo shows, transparent elsewhere.
+        before_alt: What the photo before is, in words.
+        after_alt: Likewise.
+        shapes: The most certain one first.
+        scale_end: Distance that gets the last colour of the heat map.
+        gradient: Its colours, as a CSS gradient.
+        prefix: Of the element ids, so that several viewers fit into one page.
+    """
+
+    size_hw: tuple[int, int]
+    uris: Mapping[str, str]
+    before_alt: str
+    after_alt: str
+    shapes: Sequence[Shape]
+    scale_end: float
+    gradient: str
+    prefix: str = ""
+
+    @property
+    def chips(self) -> list[tuple[Shape, float, float]]:
+        """The first shapes, each with left and top of its number in percent."""
+        height, width = self.size_hw
+        tops = [(shape, _topmost(shape)) for shape in self.shapes[:MAX_CHIPS]]
+        return [
+            (shape, _inside(100 * (x + 0.5) / width), _inside(100 * (y + 0.5) / height))
+            for shape, (x, y) in tops
+        ]
+
+
+def svg_path(rings_xy: Sequence[Ring]) -> str:
+    """Return rings as the data of an SVG path.
+
+    Half a pixel more: SVG counts from a pixel's corner, polygons from its centre.
+
+    Example:
+        >>> svg_path([[(0, 0), (4, 0), (4, 2.25)]])
+        'M0.5,0.5 4.5,0.5 4.5,2.8Z'
+    """
+    return "".join(f"M{' '.join(f'{x + 0.5:.1f},{y + 0.5:.1f}' for x, y in r)}Z" for r in rings_xy)
+
+
+def _topmost(shape: Shape) -> tuple[float, float]:
+    x, y = min((point for ring in shape.rings_xy for point in ring), key=lambda xy: xy[1])
+    return float(x), float(y)
+
+
+def _inside(percent: float) -> float:
+    return min(max(percent, EDGE_PERCENT), 100 - EDGE_PERCENT)

@@ -1,0 +1,49 @@
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from zeroscd.export.frame import to_common_frame
+from zeroscd.export.viewer import LAYERS, to_viewer
+
+if TYPE_CHECKING:
+    from zeroscd.pages import Viewer
+    from zeroscd.result import ChangeResult
+
+URIS = {name: f"{name}.jpg" for name in LAYERS}
+
+
+def shown(result: ChangeResult) -> Viewer:
+    return to_viewer(result, to_common_frame(result), URIS)
+
+
+def test_outlines_are_carried_into_the_frame(result: ChangeResult) -> None:
+    removed, added = shown(result).shapes
+    # t0 corner (5, 10) lies at (15, 10) in t1.
+    assert np.allclose(removed.rings_xy, [[(15, 10), (34, 10), (34, 19), (15, 19)]])
+    assert np.allclose(added.rings_xy, [[(50, 30), (57, 30), (57, 37), (50, 37)]])
+    assert (removed.id, removed.kind, removed.score) == (1, "removed", 0.91)
+
+
+def test_the_photo_that_was_warped_says_so(result: ChangeResult) -> None:
+    viewer = shown(result)
+    assert viewer.before_alt == "Photo before: old street.jpg, warped onto the photo after"
+    assert viewer.after_alt == "Photo after: new.jpg"
+    viewer = shown(replace(result, frame="t0"))
+    assert viewer.before_alt == "Photo before: old street.jpg"
+    assert viewer.after_alt == "Photo after: new.jpg, warped onto the photo before"
+
+
+def test_photos_that_could_not_be_aligned_are_not_called_warped(not_aligned: ChangeResult) -> None:
+    assert shown(not_aligned).before_alt == "Photo before: old street.jpg"
+
+
+def test_every_layer_is_a_picture_of_the_view(result: ChangeResult) -> None:
+    view = to_common_frame(result)
+    pictures = {name: Image.open(io.BytesIO(draw(view))) for name, draw in LAYERS.items()}
+    assert {picture.size for picture in pictures.values()} == {(80, 60)}
+    assert np.asarray(pictures["unknown"])[:, 10:, 3].max() == 0  # clear where both photos see

@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+import pytest
+
+from zeroscd.pages import MAX_CHIPS, Shape, Viewer
+
+
+def viewer(*shapes: Shape, size_hw: tuple[int, int] = (60, 80)) -> Viewer:
+    return Viewer(
+        size_hw=size_hw,
+        uris={},
+        before_alt="",
+        after_alt="",
+        shapes=shapes,
+        scale_end=1.0,
+        gradient="",
+    )
+
+
+def shape(*ring: tuple[float, float], number: int = 1) -> Shape:
+    return Shape(id=number, kind="added", score=0.5, rings_xy=[ring])
+
+
+def test_a_number_sits_on_the_top_of_its_region() -> None:
+    ((_, left, top),) = viewer(shape((57, 37), (50, 30), (57, 30.5))).chips
+    # SVG counts from a pixel's corner, polygons from its centre.
+    assert left == pytest.approx(100 * 50.5 / 80)
+    assert top == pytest.approx(100 * 30.5 / 60)
+
+
+def test_a_number_is_never_hidden_by_the_edge_of_the_picture() -> None:
+    chips = viewer(shape((-10, -10), (5, 5)), shape((500, 59), (501, 60))).chips
+    assert [at[1:] for at in chips] == [(2, 2), (98, 98)]
+
+
+def test_only_the_first_regions_get_a_number() -> None:
+    shapes = [shape((1, 1), number=number) for number in range(1, MAX_CHIPS + 5)]
+    numbers = [one.id for one, _, _ in viewer(*shapes).chips]
+    assert numbers == list(range(1, MAX_CHIPS + 1))
