@@ -1,10 +1,10 @@
-"""What SAM costs on a pair: encoder, decoder and the rest, asking everywhere or only at change.
+"""What SAM costs on a pair: encoder, decoder and the rest, prompted everywhere or only at change.
 
     python benchmarks/models.py NAME [--models sam-vit-b mobile-sam sam2.1-tiny] [--device auto]
 
-Networks of the real size with random numbers: time does not depend on the numbers. So that the
-masks of both ways of asking can be compared, each point's answer is exchanged, after it has been
-computed, for the drawn object that the point lies in. Writes benchmarks/results/models/NAME.json.
+Networks of the real size with random weights: time does not depend on them. To compare the masks
+of both kinds of prompting, each predicted mask is replaced, after it has been computed, by the
+drawn object that the point lies in. Writes benchmarks/results/models/NAME.json.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 RESULTS = Path(__file__).parent / "results" / "models"
 PHOTO_PX = 1024  # side of both photos
 CELLS = 8  # objects along a side
-LOW, HIGH = 0.02, 0.98  # where an object begins and ends in its cell
+LOW, HIGH = 0.02, 0.98  # roi an object begins and ends in its cell
 CHANGED = 7  # of the 64 objects, in two rows: a tenth of the photo in one place
 ALPHA = 0.8  # the paper's vote
 BATCH = 64  # prompts in flight
 RUNS = 3  # of encoder and decoder alone, whose seconds every ratio rests on; the median counts
-SCORES = (0.95, 0.3, 0.9)  # of a point's three answers; the second never passes
+SCORES = (0.95, 0.3, 0.9)  # of a point's three masks; the second never passes
 
 
 class Stopwatch:
@@ -54,16 +54,16 @@ class Stopwatch:
         self.device = device
 
     def __enter__(self) -> Stopwatch:
-        self._settle()
+        self._synchronize()
         self.start = time.perf_counter(), time.process_time()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._settle()
+        self._synchronize()
         self.wall = time.perf_counter() - self.start[0]
         self.processor = time.process_time() - self.start[1]
 
-    def _settle(self) -> None:
+    def _synchronize(self) -> None:
         if self.device == "cuda":
             torch.cuda.synchronize()
 
@@ -74,7 +74,7 @@ class Stopwatch:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """A network that works as hard as the real one and answers with drawn objects."""
+    """A network that computes as much as the real one and returns drawn objects."""
 
     inner: Any  # SamNetwork or Sam2Network
     pred_iou_thresh: float = 0.5
@@ -100,13 +100,13 @@ class Drawn:
         return logits, scores
 
     def upscale_masks(self, embedding: SamImageEmbedding, logits: torch.Tensor) -> torch.Tensor:
-        """Enlarge for real."""
-        enlarged: torch.Tensor = self.inner.upscale_masks(embedding, logits)
-        return enlarged
+        """Upscale for real."""
+        upscaled: torch.Tensor = self.inner.upscale_masks(embedding, logits)
+        return upscaled
 
 
 def boxes_at(point_xy: np.ndarray) -> list[tuple[float, float, float, float]]:
-    """Boxes, as shares of the photo, that a point is answered with; none between objects."""
+    """Boxes of a point's masks, as shares of the photo; none between objects."""
     cell = np.floor(point_xy / PHOTO_PX * CELLS)
     inside = point_xy / PHOTO_PX * CELLS - cell
     if not ((inside > LOW) & (inside < HIGH)).all():
@@ -119,21 +119,21 @@ def boxes_at(point_xy: np.ndarray) -> list[tuple[float, float, float, float]]:
 
 def coarse_change() -> np.ndarray:
     """Mark some neighbouring objects."""
-    where = np.zeros((PHOTO_PX, PHOTO_PX), dtype=bool)
+    roi = np.zeros((PHOTO_PX, PHOTO_PX), dtype=bool)
     step = PHOTO_PX / CELLS
     for number in range(CHANGED):
         row, col = 3 + number // 4, 2 + number % 4
         rows, cols = ((round((n + LOW) * step), round((n + HIGH) * step)) for n in (row, col))
-        where[slice(*rows), slice(*cols)] = True
-    return where
+        roi[slice(*rows), slice(*cols)] = True
+    return roi
 
 
-def flagged(segments: Segments, where: np.ndarray) -> np.ndarray:
-    """Unite the outlines that lie in coarse change (the paper's vote)."""
-    united = np.zeros_like(where)
+def flagged(segments: Segments, roi: np.ndarray) -> np.ndarray:
+    """Unite the segments that lie in coarse change (the paper's vote)."""
+    united = np.zeros_like(roi)
     for segment in segments:
         mask = segment.crop()
-        if (mask & where[segment.window]).sum() > ALPHA * segment.area_px:
+        if (mask & roi[segment.window]).sum() > ALPHA * segment.area_px:
             united[segment.window] |= mask
     return united
 
@@ -154,7 +154,7 @@ def _kilobytes(status: Path, key: str) -> int:
 
 
 def randomised(model: Any, device: str) -> Any:  # noqa: ANN401 - transformers carries no types
-    """Give a network without numbers some; a fresh SAM's embeddings would be near 1e-19."""
+    """Fill a network with random numbers; a fresh SAM's embeddings would be near 1e-19."""
     model = model.to_empty(device=device)
     rng = torch.Generator(device=device).manual_seed(0)
     with torch.no_grad():
@@ -167,9 +167,9 @@ def randomised(model: Any, device: str) -> Any:  # noqa: ANN401 - transformers c
     return model.eval()
 
 
-def measure_encoder(device: str, *, half: bool) -> dict[str, float]:
+def measure_encoder(device: str, *, bf16: bool) -> dict[str, float]:
     """Time DINOv2-B on both photos, after a warm-up."""
-    settings = Settings(encoder="dinov2-b", side_px=518, precision="bf16" if half else "fp32")
+    settings = Settings(encoder="dinov2-b", side_px=518, precision="bf16" if bf16 else "fp32")
     encoder = dino.wrap(dino.build(dino.FORMS["dinov2-b"]), settings, device=device)
     photos = [blank(), blank()]
     encoder.encode(photos)
@@ -181,30 +181,30 @@ def blank() -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, (PHOTO_PX, PHOTO_PX, 3), dtype=np.uint8)
 
 
-def measure_sam(name: str, device: str, *, half: bool) -> dict[str, Any]:
-    """Time one SAM: its parts and the ways of asking, on one photo; a pair takes it twice."""
+def measure_sam(name: str, device: str, *, bf16: bool) -> dict[str, Any]:
+    """Time one SAM: its parts and both kinds of prompting, on one photo; a pair takes it twice."""
     with torch.device("meta"):
         model = sam.build(sam.FORMS[name])
-    settings = Settings(segmenter=name, precision="bf16" if half else "fp32")
+    settings = Settings(segmenter=name, precision="bf16" if bf16 else "fp32")
     network = sam.network_of(randomised(model, device), settings)
     parts = measure_parts(network, device)
     drawn = AutomaticSegmenter(name=name, network=Drawn(network), settings=settings.segment)
-    where, known = coarse_change(), drawn.proposals(blank(), ())
+    roi, known = coarse_change(), drawn.proposals(blank(), ())
     ways, united = {}, []
-    for kind, study, chosen in (
-        ("coarse", known, where),
-        ("again", known, where),
+    for kind, proposals, chosen in (
+        ("coarse", known, roi),
+        ("again", known, roi),
         ("everything", drawn.proposals(blank(), ()), None),
     ):
         with Stopwatch(device) as watch:
-            found = study.segments(chosen)
+            found = proposals.segments(chosen)
         ways[kind] = {"per_photo": watch.seconds(), "outlines": len(found)}
-        united.append(flagged(found, where))
+        united.append(flagged(found, roi))
     shared, either = np.all(united, axis=0).sum(), np.any(united, axis=0).sum()
     return {
         **parts,
         **ways,
-        "changed_share": round(float(where.mean()), 4),
+        "changed_share": round(float(roi.mean()), 4),
         "flagged_masks_iou": float(shared / either),
     }
 
@@ -238,9 +238,9 @@ def measure_reference(network: Network, points: np.ndarray, device: str) -> dict
         embedding = network.model.get_image_embeddings(
             torch.zeros(1, 3, network.side_px, network.side_px, device=device)
         )
-        asked = torch.as_tensor(points, device=device, dtype=torch.float32)[None, :, None]
+        prompts = torch.as_tensor(points, device=device, dtype=torch.float32)[None, :, None]
         with Stopwatch(device) as watch:
-            network.model(image_embeddings=embedding, input_points=asked)
+            network.model(image_embeddings=embedding, input_points=prompts)
     return watch.seconds()
 
 
@@ -287,18 +287,18 @@ def main() -> None:
     options = parser.parse_args()
     device = pick_device(options.device)
     precision = pick_precision(options.precision, device=device)
-    half = precision == "bf16"
+    bf16 = precision == "bf16"
     content: dict[str, Any] = {
         "schema": 1,
         "name": options.name,
         "machine": conditions(device),
         "precision": precision,
         "photo_px": PHOTO_PX,
-        "dinov2_b_both_photos": measure_encoder(device, half=half),
+        "dinov2_b_both_photos": measure_encoder(device, bf16=bf16),
         "models": {},
     }
     for name in options.models:
-        found = measure_sam(name, device, half=half)
+        found = measure_sam(name, device, bf16=bf16)
         encoder = content["dinov2_b_both_photos"]
         found["ratios"] = {clock: ratios(encoder, found, clock) for clock in ("wall", "processor")}
         content["models"][name] = found

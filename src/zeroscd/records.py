@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from zeroscd.images.photo import Photo
     from zeroscd.settings import Settings
 
+UNRELATED = math.sqrt(2.0)  # expected distance of two unit descriptors that have nothing in common
 
 Frame: TypeAlias = Literal["t0", "t1"]
 Kind: TypeAlias = Literal["removed", "added"]

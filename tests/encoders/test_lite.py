@@ -121,7 +121,7 @@ def test_a_flat_photo_has_finite_unit_descriptors(encoder: LiteEncoder, level: i
 
 def test_patches_without_any_contrast_are_all_alike() -> None:
     flat = torch.full((5, 3, 4), 0.7)
-    unit = lite._unit_length(flat)
+    unit = lite.unit_descriptors(flat)
     np.testing.assert_allclose(unit, np.full((3, 4, 5), 5**-0.5), atol=1e-6)
 
 

@@ -77,7 +77,7 @@ def test_pixels_are_normalised_by_the_statistics_of_imagenet() -> None:
     np.testing.assert_allclose(pixels[:, 3, 5], expected, rtol=1e-6)
 
 
-def test_half_precision_moves_descriptors_only_a_little() -> None:
+def test_bfloat16_moves_descriptors_only_a_little() -> None:
     layer = torch.nn.Conv2d(3, 8, 16, stride=16)
 
     def network(pixels: Tensor) -> Tensor:
@@ -85,11 +85,11 @@ def test_half_precision_moves_descriptors_only_a_little() -> None:
         return tokens.permute(0, 2, 3, 1)
 
     kinds = [
-        TransformerEncoder(name="t", tau=0.5, patch_px=16, side_px=64, network=network, half=half)
-        for half in (False, True)
+        TransformerEncoder(name="t", tau=0.5, patch_px=16, side_px=64, network=network, bf16=bf16)
+        for bf16 in (False, True)
     ]
-    (full,), (half,) = (kind.encode([noise(64, 64)])[0] for kind in kinds)
-    distance = np.linalg.norm(full.descriptors - half.descriptors, axis=2).max()
+    (fp32,), (bf16,) = (kind.encode([noise(64, 64)])[0] for kind in kinds)
+    distance = np.linalg.norm(fp32.descriptors - bf16.descriptors, axis=2).max()
     assert 0 < distance < 0.05  # eight bits of mantissa; tau is 0.65
 
 

@@ -99,8 +99,8 @@ def test_with_two_tokens_the_place_is_the_mean_of_both_heads(randomise: Callable
         + tokens[:, 1] @ network.head_dist.weight.T
         + network.head_dist.bias
     )
-    place = network.place(pixels)
-    torch.testing.assert_close(place, joint / joint.norm(dim=1, keepdim=True))
+    descriptor = network.global_descriptor(pixels)
+    torch.testing.assert_close(descriptor, joint / joint.norm(dim=1, keepdim=True))
 
 
 @torch.inference_mode()
@@ -112,4 +112,6 @@ def test_with_one_token_the_place_is_the_head_of_the_mean_patch(
     _, patches = network.tokens(pixels, layer=3)
     mean = patches.reshape(2, 6, 64).sum(dim=1) / 6
     expected = functional.linear(mean, network.head.weight, network.head.bias)
-    torch.testing.assert_close(network.place(pixels), functional.normalize(expected, dim=1))
+    torch.testing.assert_close(
+        network.global_descriptor(pixels), functional.normalize(expected, dim=1)
+    )

@@ -62,7 +62,7 @@ def bare_mobile(bare_sam: Callable[[], Any]) -> Callable[[], Any]:
     stages = (
         Stage(dim=8, blocks=1),
         Stage(dim=8, blocks=1, heads=2, window=3),
-        Stage(dim=12, blocks=1, heads=3, window=4, merge_stride=1),
+        Stage(dim=12, blocks=1, heads=3, window=4, downsample_stride=1),
         Stage(dim=16, blocks=1, heads=2, window=3),
     )
 
@@ -184,10 +184,10 @@ def one_thread() -> Iterator[None]:
 
 
 @pytest.fixture
-def ask_twice_at_once() -> Callable[[MaskProposals], tuple[int, int]]:
-    """Let two threads ask for all outlines at the same time; how many each got."""
+def segments_in_two_threads() -> Callable[[MaskProposals], tuple[int, int]]:
+    """Let two threads request all segments at the same time; return how many each got."""
 
-    def ask(proposals: MaskProposals) -> tuple[int, int]:
+    def request(proposals: MaskProposals) -> tuple[int, int]:
         both = Barrier(2)
 
         def one(_: int) -> int:
@@ -198,7 +198,7 @@ def ask_twice_at_once() -> Callable[[MaskProposals], tuple[int, int]]:
             first, second = threads.map(one, range(2))
         return first, second
 
-    return ask
+    return request
 
 
 @pytest.fixture(params=["sam", "sam2"])

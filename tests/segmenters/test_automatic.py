@@ -1,9 +1,10 @@
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil
-from time import sleep
+from threading import Barrier, BrokenBarrierError
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -57,7 +58,7 @@ def plain_logits(
     size_hw: tuple[int, int],
     point_xy: np.ndarray,
 ) -> tuple[Tensor, Tensor]:
-    """Ask one point of one crop; three maps of the crop's size and their scores."""
+    """Prompt one point of one crop; three maps of the crop's size and their scores."""
     height, width = size_hw
     side = 128
     if isinstance(network, SamNetwork):
@@ -205,31 +206,31 @@ def test_the_batch_size_changes_nothing(network: Sams, photo: np.ndarray) -> Non
     assert packed[0] == packed[1] == packed[2]
 
 
-# --- Coarse prompting, on a network whose masks are known by point -------------------------------
+# --- Coarse prompting, on a network whose mask at each point is known ----------------------------
 
 
-class Glance:
-    """What a scripted network remembers: nothing, which takes some room."""
+class NoEmbedding:
+    """The embedding of a scripted network: empty, though it has a size."""
 
     size_bytes = 7
 
 
 @dataclass
 class Scripted:
-    """Objects are rectangles; a point is answered with the object that it lies in."""
+    """Objects are rectangles; the mask of a point is the object that it lies in."""
 
     objects: list[tuple[int, int, int, int]]
     photo_hw: tuple[int, int] = (128, 128)
     pred_iou_thresh: float = 0.5
-    looks: int = 0
-    asked: list[tuple[float, float]] = field(default_factory=list)
+    encoded: int = 0
+    prompted: list[tuple[float, float]] = field(default_factory=list)
 
-    def embed(self, photo: np.ndarray) -> Glance:
-        self.looks += 1
-        return Glance()
+    def embed(self, photo: np.ndarray) -> NoEmbedding:
+        self.encoded += 1
+        return NoEmbedding()
 
-    def predict(self, look: Glance, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
-        self.asked += [tuple(point) for point in points_xy.tolist()]
+    def predict(self, embedding: NoEmbedding, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+        self.prompted += [tuple(point) for point in points_xy.tolist()]
         maps = np.full((len(points_xy), *self.photo_hw), -5.0)
         scores = np.zeros(len(points_xy))
         for index, (x, y) in enumerate(points_xy):
@@ -239,7 +240,7 @@ class Scripted:
                     scores[index] = 0.9 - number / 100
         return torch.from_numpy(maps), torch.from_numpy(scores)
 
-    def upscale_masks(self, look: Glance, logits: Tensor) -> Tensor:
+    def upscale_masks(self, embedding: NoEmbedding, logits: Tensor) -> Tensor:
         return logits
 
 
@@ -252,10 +253,10 @@ def scripted_segmenter(network: Scripted, per_side: int = 16) -> AutomaticSegmen
     )
 
 
-def flagged(segments: Segments, where: np.ndarray, alpha: float = 0.8) -> set[bytes]:
-    """The paper's vote: outlines with more than alpha of their area in coarse change."""
+def flagged(segments: Segments, roi: np.ndarray, alpha: float = 0.8) -> set[bytes]:
+    """The paper's vote: segments with more than alpha of their area in coarse change."""
     masks = [segment.mask(segments.size_hw) for segment in segments]
-    return {mask.tobytes() for mask in masks if (mask & where).sum() > alpha * mask.sum()}
+    return {mask.tobytes() for mask in masks if (mask & roi).sum() > alpha * mask.sum()}
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -266,85 +267,87 @@ def test_prompting_only_coarse_change_flags_exactly_the_same_objects(seed: int) 
         x, y = left + int(rng.integers(0, 20)), top + int(rng.integers(0, 20))
         wide, high = (int(side) for side in rng.integers(8, 36, 2))
         objects.append((x, y, x + wide, y + high))
-    where = np.zeros((128, 128), dtype=bool)
+    roi = np.zeros((128, 128), dtype=bool)
     for left, top, right, bottom in objects[: rng.integers(0, 4)]:
         missed = int(rng.uniform(0, 0.3) * (right - left))
-        where[top:bottom, left : right - missed] = True
+        roi[top:bottom, left : right - missed] = True
     segmenter = scripted_segmenter(Scripted(objects))
     everything = segmenter.proposals(BLANK, ()).segments(None)
-    coarse = segmenter.proposals(BLANK, ()).segments(where)
+    coarse = segmenter.proposals(BLANK, ()).segments(roi)
     assert len(everything) == 4
-    assert flagged(coarse, where) == flagged(everything, where)
+    assert flagged(coarse, roi) == flagged(everything, roi)
 
 
-def test_objects_far_from_coarse_change_are_not_asked_about() -> None:
+def test_objects_far_from_coarse_change_are_not_prompted() -> None:
     network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
-    where = np.zeros((128, 128), dtype=bool)
-    where[82:118, 82:118] = True
-    found = scripted_segmenter(network).proposals(BLANK, ()).segments(where)
+    roi = np.zeros((128, 128), dtype=bool)
+    roi[82:118, 82:118] = True
+    found = scripted_segmenter(network).proposals(BLANK, ()).segments(roi)
     assert [segment.bbox_xywh for segment in found] == [(80, 80, 40, 40)]
-    assert min(min(point) for point in network.asked) > 75
-    assert len(network.asked) == 25  # a fifth of 16 x 16 points, squared: 36 px are 4.5 steps
+    assert min(min(point) for point in network.prompted) > 75
+    assert len(network.prompted) == 25  # a fifth of 16 x 16 points, squared: 36 px are 4.5 steps
 
 
-def test_without_coarse_change_the_network_is_not_even_shown_the_photo() -> None:
+def test_without_coarse_change_the_photo_is_not_even_encoded() -> None:
     network = Scripted([(0, 0, 40, 40)])
     found = (
         scripted_segmenter(network).proposals(BLANK, ()).segments(np.zeros((128, 128), dtype=bool))
     )
     assert len(found) == 0
     assert found.size_hw == (128, 128)
-    assert (network.looks, network.asked) == (0, [])
+    assert (network.encoded, network.prompted) == (0, [])
 
 
-def test_the_photo_is_encoded_once_however_many_points_are_asked() -> None:
+def test_the_photo_is_encoded_once_however_many_points_are_prompted() -> None:
     network = Scripted([(0, 0, 40, 40)])
     scripted_segmenter(network, per_side=20).proposals(BLANK, ()).segments(None)
-    assert (network.looks, len(network.asked)) == (1, 400)
+    assert (network.encoded, len(network.prompted)) == (1, 400)
 
 
-def test_a_photo_is_looked_at_once_for_all_places_that_are_asked_about() -> None:
+def test_a_photo_is_encoded_once_for_all_regions_of_interest() -> None:
     network = Scripted([(0, 0, 40, 40), (80, 80, 120, 120)])
     segmenter, corner = scripted_segmenter(network), np.zeros((128, 128), dtype=bool)
     corner[82:118, 82:118] = True
-    study = segmenter.proposals(BLANK, ())
-    assert (network.looks, study.size_bytes) == (0, 0)
-    boxes = [[one.bbox_xywh for one in study.segments(where)] for where in (corner, None, corner)]
+    proposals = segmenter.proposals(BLANK, ())
+    assert (network.encoded, proposals.size_bytes) == (0, 0)
+    boxes = [[one.bbox_xywh for one in proposals.segments(roi)] for roi in (corner, None, corner)]
     assert boxes == [[(80, 80, 40, 40)], [(0, 0, 40, 40), (80, 80, 40, 40)], [(80, 80, 40, 40)]]
-    assert (network.looks, study.size_bytes) == (1, Glance.size_bytes)
+    assert (network.encoded, proposals.size_bytes) == (1, NoEmbedding.size_bytes)
     segmenter.proposals(BLANK, ()).segments(None)
-    assert network.looks == 2  # another photo, for all the segmenter knows
+    assert network.encoded == 2  # another photo, for all the segmenter knows
 
 
-def test_threads_that_share_a_photo_wait_for_the_one_look(
-    monkeypatch: pytest.MonkeyPatch, ask_twice_at_once: Callable[[MaskProposals], tuple[int, int]]
+def test_threads_that_share_a_photo_encode_it_once(
+    monkeypatch: pytest.MonkeyPatch,
+    segments_in_two_threads: Callable[[MaskProposals], tuple[int, int]],
 ) -> None:
     network = Scripted([(0, 0, 40, 40)])
-    quick = Scripted.embed
+    embed, second_thread = Scripted.embed, Barrier(2)
 
-    def slow(self: Scripted, photo: np.ndarray) -> Glance:
-        sleep(0.2)
-        return quick(self, photo)
+    def counted(self: Scripted, photo: np.ndarray) -> NoEmbedding:
+        with suppress(BrokenBarrierError):  # a second thread would get here at once
+            second_thread.wait(timeout=0.2)
+        return embed(self, photo)
 
-    monkeypatch.setattr(Scripted, "embed", slow)
-    assert ask_twice_at_once(scripted_segmenter(network).proposals(BLANK, ())) == (1, 1)
-    assert network.looks == 1
+    monkeypatch.setattr(Scripted, "embed", counted)
+    assert segments_in_two_threads(scripted_segmenter(network).proposals(BLANK, ())) == (1, 1)
+    assert network.encoded == 1
 
 
-def test_of_photo_and_crops_only_the_photo_is_remembered(
+def test_of_photo_and_crops_only_the_photos_embedding_is_kept(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     network = Scripted([(0, 0, 40, 40)], photo_hw=(128, 128))
     settings = SegmentSettings(points_per_side=4, crop_n_layers=1)
     monkeypatch.setattr(Scripted, "predict", lambda *_: (torch.zeros(0, 2, 2), torch.zeros(0)))
-    study = AutomaticSegmenter(name="scripted", network=network, settings=settings).proposals(
+    proposals = AutomaticSegmenter(name="scripted", network=network, settings=settings).proposals(
         BLANK, ()
     )
-    where = np.zeros((128, 128), dtype=bool)
-    where[:20, :20] = True
-    for place, looks in ((where, 2), (None, 2 + 4), (where, 2 + 4 + 1)):
-        study.segments(place)
-        assert (network.looks, study.size_bytes) == (looks, Glance.size_bytes)
+    roi = np.zeros((128, 128), dtype=bool)
+    roi[:20, :20] = True
+    for chosen, encoded in ((roi, 2), (None, 2 + 4), (roi, 2 + 4 + 1)):
+        proposals.segments(chosen)
+        assert (network.encoded, proposals.size_bytes) == (encoded, NoEmbedding.size_bytes)
 
 
 def test_a_mask_of_one_object_is_returned_once_and_the_best_first() -> None:
@@ -354,38 +357,38 @@ def test_a_mask_of_one_object_is_returned_once_and_the_best_first() -> None:
 
 
 def test_of_one_object_seen_in_the_whole_photo_and_in_a_crop_the_crops_mask_stays() -> None:
-    class Window(Glance):
+    class Window(NoEmbedding):
         def __init__(self, photo: np.ndarray) -> None:
             self.size_hw = photo.shape[:2]
 
     class Zooming:
-        """Sees a square; of the whole photo one column too few."""
+        """Finds a square; in the whole photo one column too few."""
 
         pred_iou_thresh = 0.0
 
         def embed(self, photo: np.ndarray) -> Window:
             return Window(photo)
 
-        def predict(self, look: Window, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
-            maps = np.full((len(points_xy), *look.size_hw), -5.0)
-            whole = look.size_hw == (128, 128)
+        def predict(self, embedding: Window, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+            maps = np.full((len(points_xy), *embedding.size_hw), -5.0)
+            whole = embedding.size_hw == (128, 128)
             maps[:, 30:60, 30 : 59 if whole else 60] = 5.0  # the first crop begins at 0, 0
             return torch.from_numpy(maps), torch.full((len(points_xy),), 0.9 if whole else 0.5)
 
-        def upscale_masks(self, look: Window, logits: Tensor) -> Tensor:
+        def upscale_masks(self, embedding: Window, logits: Tensor) -> Tensor:
             return logits
 
-    where = np.zeros((128, 128), dtype=bool)
-    where[:20, :20] = True  # of the crops only the first is wanted
+    roi = np.zeros((128, 128), dtype=bool)
+    roi[:20, :20] = True  # of the crops only the first is wanted
     settings = SegmentSettings(points_per_side=4, crop_n_layers=1)
     segmenter = AutomaticSegmenter(name="zooming", network=Zooming(), settings=settings)
-    (only,) = segmenter.proposals(BLANK, ()).segments(where)
+    (only,) = segmenter.proposals(BLANK, ()).segments(roi)
     assert only.bbox_xywh == (30, 30, 30, 30)
 
 
-def test_specks_are_removed_and_what_became_alike_is_one() -> None:
+def test_small_regions_are_removed_and_duplicates_dropped() -> None:
     class Specked(Scripted):
-        def upscale_masks(self, look: Glance, logits: Tensor) -> Tensor:
+        def upscale_masks(self, embedding: NoEmbedding, logits: Tensor) -> Tensor:
             speckled = logits.clone()
             speckled[:, 20:22, 20:22] *= -1  # a hole in the object
             speckled[:, 100, 100] *= -1  # an island far away

@@ -83,7 +83,7 @@ def test_a_cell_grows_to_the_place_it_looks_at(doublings: int) -> None:
     values = np.random.default_rng(0).random((1, 1, rows, cols)).astype(np.float32)
     grown = torch.from_numpy(values)
     for _ in range(doublings):
-        grown = boundary._grow(grown, (2 * grown.shape[2], 2 * grown.shape[3]))
+        grown = boundary.upsample(grown, (2 * grown.shape[2], 2 * grown.shape[3]))
     assert grown.shape[-2:] == (rows * factor, cols * factor)
     np.testing.assert_allclose(grown[0, 0, ::factor, ::factor].numpy(), values[0, 0], atol=1e-6)
     # Between two cells it goes straight from one to the other; beyond the last, the last.

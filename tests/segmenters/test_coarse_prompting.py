@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Remembered:
-    """All that the scripted network remembers of a photo: the photo."""
+class PhotoItself:
+    """The scripted network's embedding of a photo: the photo."""
 
     photo: Rgb
 
@@ -39,38 +39,38 @@ class Remembered:
 
 @dataclass
 class ByPoint:
-    """Answers a point with every written-down outline of the photo that it lies in.
+    """Answers a point with every segment of a script that contains it.
 
-    The smaller the outline, the higher its score, so that which masks survive does not depend on
-    who asked first.
+    The smaller the segment, the higher its score, so that which masks survive suppression does not
+    depend on the order of the prompts.
     """
 
     script: dict[bytes, list[Mask]]
     pred_iou_thresh: float = 0.0
     points: int = 0
-    looked_at: list[bytes] = field(default_factory=list)
+    encoded: list[bytes] = field(default_factory=list)
 
-    def embed(self, photo: Rgb) -> Remembered:
-        self.looked_at.append(photo.tobytes())
-        return Remembered(photo)
+    def embed(self, photo: Rgb) -> PhotoItself:
+        self.encoded.append(photo.tobytes())
+        return PhotoItself(photo)
 
-    def predict(self, look: Remembered, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+    def predict(self, embedding: PhotoItself, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
         self.points += len(points_xy)
         columns, rows = np.floor(points_xy).astype(int).T
-        hit = [mask for mask in self.script[look.photo.tobytes()] if mask[rows, columns].any()]
+        hit = [mask for mask in self.script[embedding.photo.tobytes()] if mask[rows, columns].any()]
         if not hit:
-            return torch.zeros(0, *look.photo.shape[:2]), torch.zeros(0)
+            return torch.zeros(0, *embedding.photo.shape[:2]), torch.zeros(0)
         logits = torch.from_numpy(np.where(np.stack(hit), np.float32(5), np.float32(-5)))
         return logits, torch.tensor([1 / (1 + mask.sum()) for mask in hit])
 
-    def upscale_masks(self, look: Remembered, logits: Tensor) -> Tensor:
+    def upscale_masks(self, embedding: PhotoItself, logits: Tensor) -> Tensor:
         return logits
 
 
 def both_ways(
     pair: tuple[Any, Any], encoder: Any, script: dict[bytes, list[Mask]], settings: Settings
 ) -> tuple[ChangeResult, ChangeResult, list[ByPoint]]:
-    """Detect with either way of asking."""
+    """Detect with either way of prompting."""
     results, networks = [], []
     for way in ("everything", "coarse"):
         chosen = settings.override({"prompting": way, "segmenter": "scripted"})
@@ -83,18 +83,18 @@ def both_ways(
 
 
 def script_of(drawn: Any, *, things_only: bool) -> dict[bytes, list[Mask]]:
-    """The scene's outlines: things, then tiles of wall, last the whole photo.
+    """The scene's segments: things, then tiles of wall, last the whole photo.
 
-    The literal second look (`overlap`) takes a thing in front of one tile for still there, so it
+    The literal second check (`overlap`) takes a thing in front of one tile for still there, so it
     gets the things alone.
     """
     script = {}
-    for photo, outlines, changed in (
+    for photo, segments, changed in (
         (drawn.before, drawn.outlines_t0, drawn.removed_t0),
         (drawn.after, drawn.outlines_t1, drawn.added_t1),
     ):
-        things = [mask for mask in outlines if not (mask & ~changed).any()]
-        script[photo.tobytes()] = things if things_only else list(outlines)
+        things = [mask for mask in segments if not (mask & ~changed).any()]
+        script[photo.tobytes()] = things if things_only else list(segments)
     return script
 
 
@@ -138,7 +138,7 @@ def test_under_the_papers_literal_rules_they_are_the_same_too(
     np.testing.assert_array_equal(coarse.mask, everything.mask)
 
 
-def test_photos_without_change_are_never_shown_to_the_segmenter(
+def test_photos_without_change_are_never_encoded_by_the_segmenter(
     draw_scene: Any, toy_encoder: Any
 ) -> None:
     drawn = draw_scene()
@@ -147,10 +147,10 @@ def test_photos_without_change_are_never_shown_to_the_segmenter(
     segmenter = AutomaticSegmenter(name="scripted", network=network, settings=settings.segment)
     result = Detector(settings, Models(toy_encoder, segmenter)).detect(drawn.before, drawn.after)
     assert not result.mask.any()
-    assert (network.looked_at, network.points) == ([], 0)
+    assert (network.encoded, network.points) == ([], 0)
 
 
-def test_a_photo_is_shown_to_the_segmenter_once_in_all_its_pairs_and_under_all_thresholds(
+def test_a_photo_is_encoded_by_the_segmenter_once_for_all_pairs_and_thresholds(
     draw_scene: Any, toy_encoder: Any
 ) -> None:
     drawn = draw_scene(**SCENES["both"])
@@ -163,7 +163,7 @@ def test_a_photo_is_shown_to_the_segmenter_once_in_all_its_pairs_and_under_all_t
     found = [detector.decide(forth, settings.override({"tau": tau})) for tau in (0.3, 0.9)]
     found.append(detector.decide(back))
     assert all(result.mask.any() for result in found)
-    assert sorted(network.looked_at) == sorted(network.script)
+    assert sorted(network.encoded) == sorted(network.script)
 
 
 @pytest.mark.data
@@ -171,7 +171,7 @@ def test_a_photo_is_shown_to_the_segmenter_once_in_all_its_pairs_and_under_all_t
 def test_on_street_photos_a_stand_in_for_sam_ends_in_the_same_mask(
     folder: str, shared_data: Path, iou: Callable[[Mask, Mask], float]
 ) -> None:
-    """Outlines of three sizes by colour (Felzenszwalb, IJCV 2004) stand in for SAM's."""
+    """Segments of three sizes by colour (Felzenszwalb, IJCV 2004) stand in for SAM's."""
     from zeroscd.encoders import lite
 
     encoder = lite.load(PRESETS["lite"], "cpu")
@@ -179,15 +179,15 @@ def test_on_street_photos_a_stand_in_for_sam_ends_in_the_same_mask(
     before = sorted((shared_data / folder / "t0").iterdir())[1]
     after = next((shared_data / folder / "t1").glob(f"{before.stem}.*"))
     pair = [read_photo(path).pixels for path in (before, after)]
-    script = {photo.tobytes(): outlines_of(photo) for photo in pair}
+    script = {photo.tobytes(): segments_of(photo) for photo in pair}
     everything, coarse, _ = both_ways((pair[0], pair[1]), encoder, script, settings)
     assert everything.mask.any()
     assert iou(coarse.mask, everything.mask) >= 0.99
 
 
-def outlines_of(photo: Rgb) -> list[Mask]:
-    outlines = []
+def segments_of(photo: Rgb) -> list[Mask]:
+    segments = []
     for scale in (100, 300, 900):
         labels = felzenszwalb(photo, scale=scale, sigma=0.8, min_size=50)
-        outlines += [labels == label for label in range(labels.max() + 1)]
-    return outlines
+        segments += [labels == label for label in range(labels.max() + 1)]
+    return segments

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import torch
 
-from zeroscd.segmenters.decoder import decode, scene_of
+from zeroscd.segmenters.decoder import decode, image_tokens
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,14 +24,14 @@ def prompts_of(model: Any, points: torch.Tensor) -> torch.Tensor:
 
 
 @torch.inference_mode()
-def test_answers_equal_those_of_transformers_decoder(model: Any) -> None:
+def test_masks_equal_those_of_transformers_decoder(model: Any) -> None:
     rng = torch.Generator().manual_seed(0)
     pixels = torch.randn(1, 3, 128, 128, generator=rng, dtype=torch.float64)
     points = torch.rand(9, 2, generator=rng, dtype=torch.float64) * 128
     embedding = model.get_image_embeddings(pixels)
     theirs = model(image_embeddings=embedding, input_points=points[None, :, None])
     logits, scores = decode(
-        model.mask_decoder, scene_of(model, embedding), prompts_of(model, points)
+        model.mask_decoder, image_tokens(model, embedding), prompts_of(model, points)
     )
     assert theirs.pred_masks.std() > 1
     assert theirs.iou_scores.std() > 0.1
@@ -48,5 +48,5 @@ def test_in_single_precision_the_difference_is_rounding(model: Any) -> None:
     points = torch.rand(9, 2, generator=rng) * 128
     embedding = model.get_image_embeddings(pixels)
     theirs = model(image_embeddings=embedding, input_points=points[None, :, None]).pred_masks[0]
-    ours, _ = decode(model.mask_decoder, scene_of(model, embedding), prompts_of(model, points))
+    ours, _ = decode(model.mask_decoder, image_tokens(model, embedding), prompts_of(model, points))
     assert (ours - theirs).abs().max() < 1e-4 * theirs.abs().max()

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from time import sleep
+from contextlib import suppress
+from threading import Barrier, BrokenBarrierError
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,9 +33,9 @@ def cut() -> Callable[..., Segments]:
     """Segment a photo with the embedded models at a small size."""
     encoder, segmenter = load_encoder(SETTINGS, "cpu"), load_segmenter(SETTINGS, "cpu")
 
-    def segments(photo: Rgb, where: Mask | None = None) -> Segments:
+    def segments(photo: Rgb, roi: Mask | None = None) -> Segments:
         (maps,) = encoder.encode([photo])
-        return segmenter.proposals(photo, maps).segments(where)
+        return segmenter.proposals(photo, maps).segments(roi)
 
     return segments
 
@@ -112,36 +113,36 @@ def tree_of_four() -> Hierarchy:
 
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.integers(0, 12))
 def test_the_outlines_are_the_nodes_of_the_tree_that_fit(
-    seed: int, everywhere: Any, min_area_px: int
+    seed: int, everyroi: Any, min_area_px: int
 ) -> None:
     rng = np.random.default_rng(seed)
     leaf_of = rng.integers(0, 4, (6, 7)).astype(np.int32)
-    where = None if everywhere else rng.random((6, 7)) < 0.1
+    roi = None if everyroi else rng.random((6, 7)) < 0.1
     tree = tree_of_four()
     expected = []
     for first, last in zip(tree.first, tree.last, strict=True):
         mask = (leaf_of >= first) & (leaf_of < last)
-        wanted = mask if where is None else mask & where
-        if max(min_area_px, 1) <= mask.sum() <= lite.LARGEST_SHARE * mask.size and wanted.any():
+        inside = mask if roi is None else mask & roi
+        if max(min_area_px, 1) <= mask.sum() <= lite.LARGEST_SHARE * mask.size and inside.any():
             expected.append(mask)
-    found = list(lite._outlines(tree, leaf_of, where=where, min_area_px=min_area_px))
+    found = list(lite.tree_segments(tree, leaf_of, roi=roi, min_area_px=min_area_px))
     assert len(found) == len(expected)
-    for outline, mask in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(outline.mask((6, 7)), mask)
+    for segment, mask in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(segment.mask((6, 7)), mask)
 
 
 def test_a_pixel_takes_the_leaf_of_the_cell_that_looks_at_it() -> None:
     leaf_of = np.arange(12, dtype=np.int32).reshape(3, 4)
-    # Cell (i, j) looks at working pixel (2 i, 2 j) of 6 x 8; a photo twice as large has that
+    # Cell (i, j) is centred on working pixel (2 i, 2 j) of 6 x 8; a photo twice as large has that
     # pixel's centre at 2 * (2 i) + 0.5.
-    photo = lite._to_photo(leaf_of, (12, 16))
+    photo = lite.leaves_to_pixels(leaf_of, (12, 16))
     assert photo.shape == (12, 16)
     for i in range(3):
         for j in range(4):
             np.testing.assert_array_equal(
                 photo[4 * i : 4 * i + 2, 4 * j : 4 * j + 2], leaf_of[i, j]
             )
-    same = lite._to_photo(leaf_of, (6, 8))
+    same = lite.leaves_to_pixels(leaf_of, (6, 8))
     np.testing.assert_array_equal(same[::2, ::2], leaf_of)
 
 
@@ -151,40 +152,41 @@ def test_the_segmenter_is_found_under_its_name() -> None:
     assert segmenter.name == SETTINGS.segmenter
 
 
-def test_the_tree_is_grown_once_for_all_places_that_are_asked_about(
+def test_the_tree_is_built_once_for_all_regions_of_interest(
     ball_on_wall: tuple[Rgb, Mask], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo, ball = ball_on_wall
     (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
     segmenter = load_segmenter(SETTINGS, "cpu")
     fresh = [one.bbox_xywh for one in segmenter.proposals(photo, maps).segments(ball)]
-    study = segmenter.proposals(photo, maps)
-    assert study.size_bytes == 0
-    everywhere = len(study.segments(None))
-    assert study.size_bytes > maps[0].grid.size_hw[0]
+    proposals = segmenter.proposals(photo, maps)
+    assert proposals.size_bytes == 0
+    everything = len(proposals.segments(None))
+    assert proposals.size_bytes > maps[0].grid.size_hw[0]
     monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", None)
-    assert [one.bbox_xywh for one in study.segments(ball)] == fresh
-    assert 0 < len(fresh) < everywhere
+    assert [one.bbox_xywh for one in proposals.segments(ball)] == fresh
+    assert 0 < len(fresh) < everything
 
 
-def test_threads_that_share_a_photo_wait_for_the_one_tree(
+def test_threads_that_share_a_photo_build_one_tree(
     ball_on_wall: tuple[Rgb, Mask],
     monkeypatch: pytest.MonkeyPatch,
-    ask_twice_at_once: Callable[[MaskProposals], tuple[int, int]],
+    segments_in_two_threads: Callable[[MaskProposals], tuple[int, int]],
 ) -> None:
     photo, _ = ball_on_wall
     (maps,) = load_encoder(SETTINGS, "cpu").encode([photo])
-    grown = []
+    built, second_thread = [], Barrier(2)
 
-    def slow(borders: NDArray[np.float32]) -> Hierarchy:
-        grown.append(borders)
-        sleep(0.2)
-        return build_hierarchy(borders)
+    def counted(boundaries: NDArray[np.float32]) -> Hierarchy:
+        built.append(boundaries)
+        with suppress(BrokenBarrierError):  # a second thread would get here at once
+            second_thread.wait(timeout=0.2)
+        return build_hierarchy(boundaries)
 
-    monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", slow)
-    one, other = ask_twice_at_once(load_segmenter(SETTINGS, "cpu").proposals(photo, maps))
-    assert one == other > 0
-    assert len(grown) == 1
+    monkeypatch.setattr("zeroscd.segmenters.lite.build_hierarchy", counted)
+    first, second = segments_in_two_threads(load_segmenter(SETTINGS, "cpu").proposals(photo, maps))
+    assert first == second > 0
+    assert len(built) == 1
 
 
 def test_depths_may_come_in_any_order(ball_on_wall: tuple[Rgb, Mask]) -> None:

@@ -1,11 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, wanted_points
+from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, points_in_roi
 
 sizes = st.tuples(st.integers(40, 400), st.integers(40, 400))
 
@@ -42,28 +41,30 @@ def test_points_lie_evenly_from_edge_to_edge(photo_hw: tuple[int, int], per_side
 
 
 @given(st.integers(0, 127), st.integers(0, 95), st.integers(1, 24))
-def test_every_wanted_pixel_has_a_prompt_within_half_a_step(x: int, y: int, per_side: int) -> None:
-    where = np.zeros((96, 128), dtype=bool)
-    where[y, x] = True
+def test_every_pixel_of_the_region_has_a_prompt_within_half_a_step(
+    x: int, y: int, per_side: int
+) -> None:
+    roi = np.zeros((96, 128), dtype=bool)
+    roi[y, x] = True
     (crop,) = crops_of((96, 128), layers=0)
-    kept = wanted_points(grid_points((96, 128), per_side=per_side), crop, where, per_side=per_side)
+    kept = points_in_roi(grid_points((96, 128), per_side=per_side), crop, roi, per_side=per_side)
     assert 1 <= len(kept) <= 4
     step = np.array([128, 96]) / per_side
     assert (np.abs(kept - (x + 0.5, y + 0.5)) <= step / 2 + 1.5).all()
 
 
-@pytest.mark.parametrize(("fill", "share"), [(False, 0.0), (True, 1.0)])
-def test_nothing_wanted_keeps_no_point_and_everything_keeps_all(fill: bool, share: float) -> None:  # noqa: FBT001
-    where = np.full((60, 80), fill)
+def test_an_empty_region_keeps_no_point_and_the_whole_photo_keeps_all() -> None:
     (crop,) = crops_of((60, 80), layers=0)
     points = grid_points((60, 80), per_side=9)
-    assert len(wanted_points(points, crop, where, per_side=9)) == share * 81
+    none, every = (np.full((60, 80), fill) for fill in (False, True))
+    assert len(points_in_roi(points, crop, none, per_side=9)) == 0
+    assert len(points_in_roi(points, crop, every, per_side=9)) == 81
 
 
 def test_points_of_a_crop_are_compared_in_the_photos_pixels() -> None:
-    where = np.zeros((100, 100), dtype=bool)
-    where[72:78, 72:78] = True
+    roi = np.zeros((100, 100), dtype=bool)
+    roi[72:78, 72:78] = True
     crop = Crop(box_xyxy=(50, 50, 100, 100), layer=1)
     points = grid_points(crop.size_hw, per_side=10)
-    kept = wanted_points(points, crop, where, per_side=10)
+    kept = points_in_roi(points, crop, roi, per_side=10)
     np.testing.assert_allclose(kept, [[22.5, 22.5], [27.5, 22.5], [22.5, 27.5], [27.5, 27.5]])

@@ -84,7 +84,7 @@ def published(model: Any, kind: str) -> dict[str, Tensor]:
                 file[f"sam_prompt_encoder.point_embeddings.{index}.weight"] = tensor[[index]]
             continue
         file[rewritten(name, rules)] = tensor
-    if kind == "mobile":  # what told ImageNet's classes apart
+    if kind == "mobile":  # the classifier
         file |= {
             "image_encoder.norm_head.weight": torch.ones(16),
             "image_encoder.norm_head.bias": torch.ones(16),
@@ -182,14 +182,14 @@ def test_a_published_file_loads_every_number(
 ) -> None:
     file = published(model, kind)
     assert KNOWN[kind] <= file.keys()
-    wanted = {name: tensor.clone() for name, tensor in model.state_dict().items()}
+    expected = {name: tensor.clone() for name, tensor in model.state_dict().items()}
     other = request.getfixturevalue(f"build_{kind}")()
     with torch.no_grad():
         for tensor in other.state_dict().values():
             tensor.zero_()
     load_strictly(other, sam.converted(file, KINDS[kind], source="file"), source="file")
     found = other.state_dict()
-    assert all(torch.equal(found[name], tensor) for name, tensor in wanted.items())
+    assert all(torch.equal(found[name], tensor) for name, tensor in expected.items())
 
 
 def test_a_missing_and_a_renamed_tensor_are_named(kind: str, model: Any) -> None:
@@ -283,6 +283,6 @@ def test_a_segmenter_takes_grid_filters_and_precision_from_the_settings(
     assert segmenter.name == name
     assert isinstance(segmenter.network, kind_of_network)
     assert isinstance(segmenter.network, Network)
-    assert segmenter.network.half
+    assert segmenter.network.bf16
     assert segmenter.network.pred_iou_thresh == pred_iou_thresh
     assert (segmenter.settings.points_per_side, segmenter.settings.crop_n_layers) == (5, 2)

@@ -8,7 +8,7 @@ import pytest
 import torch
 from PIL import Image
 
-from zeroscd.segmenters.sam_network import SamNetwork, sam2_pixels, sam_pixels, seen_size
+from zeroscd.segmenters.sam_network import SamNetwork, resized_size, sam2_pixels, sam_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,7 +33,7 @@ def test_sams_pixels_equal_those_of_transformers_processor(size_hw: tuple[int, i
 
 
 @pytest.mark.parametrize("size_hw", [(90, 120), (300, 200)])
-def test_sam2s_pixels_equal_an_antialiased_squeeze_by_pillow(size_hw: tuple[int, int]) -> None:
+def test_sam2s_pixels_equal_an_antialiased_resize_by_pillow(size_hw: tuple[int, int]) -> None:
     photo = np.random.default_rng(0).integers(0, 256, (*size_hw, 3), dtype=np.uint8)
     planes = [
         np.asarray(
@@ -49,7 +49,7 @@ def test_sam2s_pixels_equal_an_antialiased_squeeze_by_pillow(size_hw: tuple[int,
     np.testing.assert_allclose(found, expected, atol=2e-3)  # Pillow rounds its weights
 
 
-def test_a_look_says_how_much_memory_it_holds(network: Sams, photo: np.ndarray) -> None:
+def test_an_embedding_tells_its_memory(network: Sams, photo: np.ndarray) -> None:
     embedding = network.embed(photo)
     held = {one.untyped_storage().data_ptr(): one for one in tensors_in(embedding)}
     assert (
@@ -69,11 +69,11 @@ def tensors_in(thing: object) -> Iterator[Tensor]:
 
 
 def test_the_longer_side_fills_the_square() -> None:
-    assert seen_size((480, 640), 1024) == (768, 1024)
-    assert seen_size((640, 481), 1024) == (1024, 770)  # 769.6
+    assert resized_size((480, 640), 1024) == (768, 1024)
+    assert resized_size((640, 481), 1024) == (1024, 770)  # 769.6
 
 
-def test_answers_come_three_to_a_point_in_the_order_of_the_points(
+def test_masks_come_three_to_a_point_in_the_order_of_the_points(
     network: Sams,
 ) -> None:
     photo = np.random.default_rng(0).integers(0, 256, (90, 120, 3), dtype=np.uint8)
@@ -86,7 +86,7 @@ def test_answers_come_three_to_a_point_in_the_order_of_the_points(
     torch.testing.assert_close(scores[3:], its_scores)
 
 
-def test_enlarged_logits_show_each_place_where_it_is(network: Sams) -> None:
+def test_upscaled_logits_keep_their_positions(network: Sams) -> None:
     photo = np.zeros((90, 120, 3), dtype=np.uint8)
     embedding = network.embed(photo)
     side = 32  # of the low-resolution maps of this tiny network: 128 / 4
@@ -96,20 +96,20 @@ def test_enlarged_logits_show_each_place_where_it_is(network: Sams) -> None:
     tall = network.upscale_masks(embedding, ramp.transpose(1, 2))[0]
     assert wide.shape == (90, 120)
     inner = slice(8, -8)  # at the edges interpolation repeats the last value
-    seen_rows = 96 / 128 if isinstance(network, SamNetwork) else 1.0
+    resized_rows = 96 / 128 if isinstance(network, SamNetwork) else 1.0
     expected_x = (torch.arange(120) + 0.5) / 120
-    expected_y = (torch.arange(90) + 0.5) / 90 * seen_rows
+    expected_y = (torch.arange(90) + 0.5) / 90 * resized_rows
     torch.testing.assert_close(wide[40, inner], expected_x[inner].double(), atol=1e-3, rtol=0)
     torch.testing.assert_close(tall[inner, 40], expected_y[inner].double(), atol=2e-3, rtol=0)
 
 
-def test_half_precision_gives_nearly_the_same_masks(network: Sams) -> None:
+def test_bfloat16_gives_nearly_the_same_masks(network: Sams) -> None:
     photo = np.random.default_rng(0).integers(0, 256, (90, 120, 3), dtype=np.uint8)
     points = np.random.default_rng(1).uniform(10, 80, (12, 2))
     model = network.model.float()
     masks = []
-    for half in (False, True):
-        chosen = replace(network, model=model, half=half)
+    for bf16 in (False, True):
+        chosen = replace(network, model=model, bf16=bf16)
         embedding = chosen.embed(photo)
         logits, _ = chosen.predict(embedding, points)
         assert logits.dtype == torch.float32

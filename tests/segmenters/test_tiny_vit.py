@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SMALL = (
     Stage(dim=8, blocks=1),
     Stage(dim=12, blocks=2, heads=2, window=3),
-    Stage(dim=20, blocks=1, heads=5, window=4, merge_stride=1),
+    Stage(dim=20, blocks=1, heads=5, window=4, downsample_stride=1),
     Stage(dim=24, blocks=1, heads=3, window=3),
 )
 BATCH_EPS, TOKEN_EPS, NECK_EPS = 1e-5, 1e-5, 1e-6
@@ -95,8 +95,8 @@ class Plain:
             for col in range(cols):
                 at = np.s_[row * side : (row + 1) * side, col * side : (col + 1) * side]
                 tokens = filled[at].reshape(side * side, channels)
-                seen = self.attend(tokens, f"{name}.attn", side=side, heads=heads)
-                filled[at] = seen.reshape(side, side, channels)
+                mixed = self.attend(tokens, f"{name}.attn", side=side, heads=heads)
+                filled[at] = mixed.reshape(side, side, channels)
         x = x + filled[:height, :width].permute(2, 0, 1)[None]
         x = self.conv(x, f"{name}.local_conv", each=True)
         tokens = x[0].permute(1, 2, 0)
@@ -119,7 +119,7 @@ class Plain:
             if number < len(SMALL) - 1:
                 name = f"layers.{number}.downsample"
                 y = gelu(self.conv(x, f"{name}.conv1"))
-                y = self.conv(y, f"{name}.conv2", stride=stage.merge_stride, each=True)
+                y = self.conv(y, f"{name}.conv2", stride=stage.downsample_stride, each=True)
                 x = self.conv(gelu(y), f"{name}.conv3")
         x = functional.conv2d(x, self.state["neck.0.weight"])
         x = self.norm(x.permute(0, 2, 3, 1), "neck.1", NECK_EPS).permute(0, 3, 1, 2)

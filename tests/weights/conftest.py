@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING
@@ -22,37 +22,39 @@ SIZE = 3_000_000  # more than two chunks
 
 
 @dataclass
-class Shop:
-    """What the server sells and how it behaves; requests as they came."""
+class FileServer:
+    """The file on the server, how the server behaves, and the requests it got."""
 
     content: bytes
     honours_ranges: bool = True
     cut_after: int | None = None  # bytes of a reply, then the connection is closed
-    promised: int | None = None  # Content-Length, when it is a lie
+    promised: int | None = None  # Content-Length, where it is wrong
     status: int | None = None  # answers this and nothing else
-    slow_seconds: float = 0.0  # before a reply
+    second_request: threading.Barrier | None = None  # awaited before a reply, for a while
     address: str = ""
     ranges: list[str | None] = field(default_factory=list)
 
 
-def _handler(shop: Shop) -> type[BaseHTTPRequestHandler]:
+def _handler(server: FileServer) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            wanted = self.headers.get("Range")
-            shop.ranges.append(wanted)
-            time.sleep(shop.slow_seconds)
-            if shop.status is not None:
-                self.send_error(shop.status)
+            asked = self.headers.get("Range")
+            server.ranges.append(asked)
+            if server.second_request is not None:
+                with suppress(threading.BrokenBarrierError):
+                    server.second_request.wait(timeout=1.0)
+            if server.status is not None:
+                self.send_error(server.status)
                 return
-            start = int(wanted.split("=")[1].rstrip("-")) if wanted and shop.honours_ranges else 0
-            if start >= len(shop.content):
+            start = int(asked.split("=")[1].rstrip("-")) if asked and server.honours_ranges else 0
+            if start >= len(server.content):
                 self.send_error(416)
                 return
-            body = shop.content[start:]
+            body = server.content[start:]
             self.send_response(206 if start else 200)
-            self.send_header("Content-Length", str(shop.promised or len(body)))
+            self.send_header("Content-Length", str(server.promised or len(body)))
             self.end_headers()
-            self.wfile.write(body[: shop.cut_after])
+            self.wfile.write(body[: server.cut_after])
 
         def log_message(self, *_: object) -> None:
             """Stay silent."""
@@ -66,15 +68,15 @@ class QuietServer(ThreadingHTTPServer):
 
 
 @pytest.fixture
-def shop() -> Iterator[Shop]:
-    state = Shop(np.random.default_rng(0).bytes(SIZE))
-    server = QuietServer(("127.0.0.1", 0), _handler(state))
-    state.address = f"http://127.0.0.1:{server.server_port}/model.pth"
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+def server() -> Iterator[FileServer]:
+    state = FileServer(np.random.default_rng(0).bytes(SIZE))
+    http = QuietServer(("127.0.0.1", 0), _handler(state))
+    state.address = f"http://127.0.0.1:{http.server_port}/model.pth"
+    thread = threading.Thread(target=http.serve_forever, kwargs={"poll_interval": 0.02})
     thread.start()
     yield state
-    server.shutdown()
-    server.server_close()
+    http.shutdown()
+    http.server_close()
     thread.join()
 
 
@@ -101,8 +103,8 @@ def row_of() -> Callable[..., WeightFile]:
 
 
 @pytest.fixture
-def row(shop: Shop, row_of: Callable[..., WeightFile]) -> WeightFile:
-    return row_of(shop.content, address=shop.address)
+def row(server: FileServer, row_of: Callable[..., WeightFile]) -> WeightFile:
+    return row_of(server.content, address=server.address)
 
 
 @pytest.fixture(autouse=True)

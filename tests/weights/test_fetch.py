@@ -5,13 +5,14 @@ import multiprocessing
 import subprocess
 import sys
 import textwrap
+from threading import Barrier
 from typing import TYPE_CHECKING
 
 import pytest
 import torch
 
 from zeroscd.errors import WeightsError
-from zeroscd.weights.fetch import adopt, fetch
+from zeroscd.weights.fetch import fetch, import_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,94 +30,94 @@ def names_in(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir() if not path.name.startswith(".")}
 
 
-def test_a_whole_download_has_the_published_bytes(shop: Any, row: WeightFile) -> None:
+def test_a_whole_download_has_the_published_bytes(server: Any, row: WeightFile) -> None:
     heard: list[tuple[int, int | None]] = []
     path = fetch(row, progress=lambda done, total: heard.append((done, total)))
-    assert path.read_bytes() == shop.content
-    assert heard[0] == (0, len(shop.content))
-    assert heard[-1] == (len(shop.content), len(shop.content))
+    assert path.read_bytes() == server.content
+    assert heard[0] == (0, len(server.content))
+    assert heard[-1] == (len(server.content), len(server.content))
 
 
-def test_a_file_that_is_there_is_not_fetched_again(shop: Any, row: WeightFile) -> None:
+def test_a_file_that_is_there_is_not_fetched_again(server: Any, row: WeightFile) -> None:
     fetch(row, progress=quiet)
     fetch(row, progress=quiet)
-    assert shop.ranges == [None]
+    assert server.ranges == [None]
 
 
 def test_a_download_that_breaks_off_keeps_what_came_and_has_no_final_name(
-    shop: Any, row: WeightFile, folder: Path
+    server: Any, row: WeightFile, folder: Path
 ) -> None:
-    shop.cut_after = 1_500_000
+    server.cut_after = 1_500_000
     with pytest.raises(WeightsError, match=r"broke off after 1500000 of 3000000 bytes"):
         fetch(row, progress=quiet)
     assert names_in(folder) == {"model.pth.part"}
-    assert (folder / "model.pth.part").read_bytes() == shop.content[:1_500_000]
+    assert (folder / "model.pth.part").read_bytes() == server.content[:1_500_000]
 
 
-def test_the_next_try_asks_only_for_the_rest(shop: Any, row: WeightFile, folder: Path) -> None:
-    shop.cut_after = 1_500_000
+def test_the_next_try_asks_only_for_the_rest(server: Any, row: WeightFile, folder: Path) -> None:
+    server.cut_after = 1_500_000
     with pytest.raises(WeightsError):
         fetch(row, progress=quiet)
-    shop.cut_after = None
+    server.cut_after = None
     heard: list[int] = []
     path = fetch(row, progress=lambda done, _: heard.append(done))
-    assert shop.ranges == [None, "bytes=1500000-"]
+    assert server.ranges == [None, "bytes=1500000-"]
     assert heard[0] == 1_500_000
-    assert path.read_bytes() == shop.content
+    assert path.read_bytes() == server.content
     assert names_in(folder) == {"model.pth"}
 
 
 def test_a_server_that_knows_no_ranges_is_read_from_the_start(
-    shop: Any, row: WeightFile, folder: Path
+    server: Any, row: WeightFile, folder: Path
 ) -> None:
     folder.mkdir()
-    (folder / "model.pth.part").write_bytes(shop.content[:1000])
-    shop.honours_ranges = False
-    assert fetch(row, progress=quiet).read_bytes() == shop.content
+    (folder / "model.pth.part").write_bytes(server.content[:1000])
+    server.honours_ranges = False
+    assert fetch(row, progress=quiet).read_bytes() == server.content
 
 
 @pytest.mark.parametrize("length", [1000, 3_000_000, 4_000_000])
 def test_the_remains_of_another_file_are_replaced(
-    length: int, shop: Any, row: WeightFile, folder: Path
+    length: int, server: Any, row: WeightFile, folder: Path
 ) -> None:
     folder.mkdir()
     (folder / "model.pth.part").write_bytes(b"x" * length)
-    assert fetch(row, progress=quiet).read_bytes() == shop.content
+    assert fetch(row, progress=quiet).read_bytes() == server.content
 
 
 def test_remains_that_are_whole_are_not_downloaded_again(
-    shop: Any, row_of: Callable[..., WeightFile], folder: Path
+    server: Any, row_of: Callable[..., WeightFile], folder: Path
 ) -> None:
-    row = row_of(shop.content, address=shop.address, size_bytes=None)
+    row = row_of(server.content, address=server.address, size_bytes=None)
     folder.mkdir()
-    (folder / "model.pth.part").write_bytes(shop.content)
-    assert fetch(row, progress=quiet).read_bytes() == shop.content
-    assert shop.ranges == [f"bytes={len(shop.content)}-"]  # answered with 416
+    (folder / "model.pth.part").write_bytes(server.content)
+    assert fetch(row, progress=quiet).read_bytes() == server.content
+    assert server.ranges == [f"bytes={len(server.content)}-"]  # answered with 416
 
 
 def test_wrong_bytes_of_the_right_length_are_thrown_away(
-    shop: Any, row: WeightFile, folder: Path
+    server: Any, row: WeightFile, folder: Path
 ) -> None:
-    shop.content = b"x" * len(shop.content)
+    server.content = b"x" * len(server.content)
     with pytest.raises(WeightsError, match=f"damaged .*expected {row.sha256}"):
         fetch(row, progress=quiet)
     assert names_in(folder) == set()
 
 
 def test_a_wrong_length_is_refused_before_a_byte_is_written(
-    shop: Any, row: WeightFile, folder: Path
+    server: Any, row: WeightFile, folder: Path
 ) -> None:
-    shop.content = shop.content[:-1]
+    server.content = server.content[:-1]
     with pytest.raises(WeightsError, match="offers 2999999 bytes, expected 3000000"):
         fetch(row, progress=quiet)
     assert names_in(folder) == set()
 
 
 def test_a_promise_longer_than_the_reply_counts_as_broken_off(
-    shop: Any, row_of: Callable[..., WeightFile], folder: Path
+    server: Any, row_of: Callable[..., WeightFile], folder: Path
 ) -> None:
-    shop.promised = len(shop.content) + 5
-    row = row_of(shop.content, address=shop.address, size_bytes=None)
+    server.promised = len(server.content) + 5
+    row = row_of(server.content, address=server.address, size_bytes=None)
     with pytest.raises(WeightsError, match="broke off"):
         fetch(row, progress=quiet)
     assert names_in(folder) == {"model.pth.part"}
@@ -179,12 +180,12 @@ def _fetch_in_a_process(row: WeightFile) -> bytes:
     return fetch(row, progress=quiet).read_bytes()
 
 
-def test_two_processes_at_once_download_it_once(shop: Any, row: WeightFile, folder: Path) -> None:
-    shop.slow_seconds = 1.0  # the second process comes while the first is waiting
+def test_two_processes_at_once_download_it_once(server: Any, row: WeightFile, folder: Path) -> None:
+    server.second_request = Barrier(2)  # two requests would meet here; one gives up after a second
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         results = pool.map(_fetch_in_a_process, [row, row], chunksize=1)
-    assert results == [shop.content, shop.content]
-    assert shop.ranges == [None]
+    assert results == [server.content, server.content]
+    assert server.ranges == [None]
     assert names_in(folder) == {"model.pth"}
 
 
@@ -203,38 +204,38 @@ def test_no_network_names_the_file_its_hash_and_the_command(
 
 
 def test_offline_mode_does_not_even_ask(
-    shop: Any, row: WeightFile, monkeypatch: pytest.MonkeyPatch
+    server: Any, row: WeightFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ZEROSCD_OFFLINE", "1")
     with pytest.raises(WeightsError, match=f"ZEROSCD_OFFLINE is set.*{row.sha256}"):
         fetch(row, progress=quiet)
-    assert shop.ranges == []
+    assert server.ranges == []
 
 
-def test_an_address_that_answers_404_says_so(shop: Any, row: WeightFile) -> None:
-    shop.status = 404
+def test_an_address_that_answers_404_says_so(server: Any, row: WeightFile) -> None:
+    server.status = 404
     with pytest.raises(WeightsError, match="answers 404 Not Found"):
         fetch(row, progress=quiet)
 
 
 @pytest.mark.parametrize("changed", [{"address": None}, {"sha256": ""}, {"sha256": "08c60483"}])
 def test_nothing_is_downloaded_that_cannot_be_verified(
-    changed: dict[str, str], shop: Any, row_of: Callable[..., WeightFile]
+    changed: dict[str, str], server: Any, row_of: Callable[..., WeightFile]
 ) -> None:
-    row = row_of(shop.content, **({"address": shop.address} | changed))
+    row = row_of(server.content, **({"address": server.address} | changed))
     with pytest.raises(WeightsError, match=r"cannot be downloaded.*--from model\.pth"):
         fetch(row, progress=quiet)
-    assert shop.ranges == []
+    assert server.ranges == []
 
 
 def test_a_file_at_hand_is_copied_into_its_place(
-    shop: Any, row: WeightFile, tmp_path: Path
+    server: Any, row: WeightFile, tmp_path: Path
 ) -> None:
     source = tmp_path / "downloaded by hand.pth"
-    source.write_bytes(shop.content)
-    assert adopt(row, source, progress=quiet).read_bytes() == shop.content
+    source.write_bytes(server.content)
+    assert import_file(row, source, progress=quiet).read_bytes() == server.content
     assert source.exists()
-    assert shop.ranges == []
+    assert server.ranges == []
 
 
 def test_a_wrong_file_at_hand_is_refused_and_left_alone(
@@ -245,7 +246,7 @@ def test_a_wrong_file_at_hand_is_refused_and_left_alone(
     with pytest.raises(
         WeightsError, match="has 14 bytes, expected 3000000: it is not the published"
     ):
-        adopt(row, source, progress=quiet)
+        import_file(row, source, progress=quiet)
     assert source.read_bytes() == b"something else"
     assert not folder.exists()
 
@@ -256,10 +257,10 @@ def test_without_a_published_digest_only_weights_are_taken(
     source, row = tmp_path / "model.pth", row_of(b"", sha256="", size_bytes=None)
     source.write_bytes(b"<html>sign in to download</html>")
     with pytest.raises(WeightsError, match=r"model\.pth (is refused|is damaged or not a weight)"):
-        adopt(row, source, progress=quiet)
+        import_file(row, source, progress=quiet)
     assert not folder.exists()
     torch.save({"a": torch.ones(2)}, source)
-    assert adopt(row, source, progress=quiet).read_bytes() == source.read_bytes()
+    assert import_file(row, source, progress=quiet).read_bytes() == source.read_bytes()
 
 
 def test_the_published_beginning_of_a_digest_is_enough_to_refuse(
@@ -268,9 +269,9 @@ def test_the_published_beginning_of_a_digest_is_enough_to_refuse(
     source = tmp_path / "gated.pth"
     source.write_bytes(b"abc")
     row = row_of(b"abc", sha256="ba7816bf", size_bytes=None)
-    assert adopt(row, source, progress=quiet).read_bytes() == b"abc"
+    assert import_file(row, source, progress=quiet).read_bytes() == b"abc"
     with pytest.raises(WeightsError, match="expected 00000000"):
-        adopt(row_of(b"abc", sha256="00000000", size_bytes=None), source, progress=quiet)
+        import_file(row_of(b"abc", sha256="00000000", size_bytes=None), source, progress=quiet)
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_of_one_line(

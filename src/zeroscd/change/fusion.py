@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
+
+from zeroscd.records import UNRELATED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from zeroscd.change.distance import PatchDistance
     from zeroscd.images.grid import PatchGrid
 
-UNRELATED = math.sqrt(2.0)  # expected distance of two unit vectors that have nothing in common
 MARGIN_POWER = 4  # of three tried (2, 4, 6) the best on the development pairs as a whole
 MIN_MARGIN = 0.02  # a depth whose background is already unrelated keeps this little say
 

@@ -10,7 +10,7 @@ import typer
 from zeroscd.cli.console import warn
 from zeroscd.errors import WeightsError
 from zeroscd.weights.catalogue import CATALOGUE, find
-from zeroscd.weights.fetch import adopt, fetch
+from zeroscd.weights.fetch import fetch, import_file
 from zeroscd.weights.store import is_present, path_of, weights_folder
 from zeroscd.weights.verify import digest_of, fault_of
 
@@ -59,7 +59,7 @@ def fetch_models(
             path = (
                 fetch(row, progress=listener)
                 if source is None
-                else adopt(row, source, progress=listener)
+                else import_file(row, source, progress=listener)
             )
             typer.echo(path)
     for row in rows:

@@ -1,4 +1,4 @@
-"""Read a place-recognition ViT from any of the layouts that such checkpoints come in."""
+"""Read a place-recognition ViT from any of the layouts in which such checkpoints come."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # Longest first, so that "module.backbone." is not mistaken for "module.".
 PREFIXES = ("module.backbone.", "module.", "backbone.", "model.", "encoder.", "")
 
-# Parts of R2Former that compare two photos patch by patch; change detection needs none of them.
+# R2Former's re-ranker, which change detection does not use.
 UNUSED = ("local_head.", "Reranker.")
 
 ASPECT_HW = (3, 4)  # of the street photos that R2Former is trained on: 480 x 640
@@ -31,23 +31,23 @@ def read_vit(tensors: Mapping[str, Tensor], *, source: str) -> VisionTransformer
     Args:
         tensors: With any of the usual prefixes; with or without a distillation token; position
             embeddings of a square or 3:4 grid; with or without retrieval heads. R2Former's
-            re-ranker is left aside.
+            re-ranker is ignored.
         source: What to call the file in messages.
 
     Raises:
         WeightsError: Tensors are missing, left over or misshapen; each one is named.
     """
-    own = without_prefix(tensors)
-    with torch.device("meta"):  # random numbers that nobody will see take a second to make
-        network = VisionTransformer(_shape_of(own, source))
-    load_strictly(network, own, source=source)
+    stripped = without_prefix(tensors)
+    with torch.device("meta"):  # skips initialisation, which takes a second
+        network = VisionTransformer(_shape_of(stripped, source))
+    load_strictly(network, stripped, source=source)
     return network.eval()
 
 
 def without_prefix(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Take the prefix off and leave the re-ranker aside.
+    """Strip the prefix and drop the re-ranker.
 
-    The prefix is the first of the known ones under which the transformer's blocks lie.
+    The prefix is the first known one under which there are blocks.
 
     Example:
         >>> list(without_prefix({"module.backbone.blocks.0.x": 1, "module.local_head.bias": 2}))
@@ -64,21 +64,21 @@ def _unused(key: str) -> bool:
     return key.removeprefix("module.").startswith(UNUSED)
 
 
-def _shape_of(own: Mapping[str, Tensor], source: str) -> VitShape:
-    if "pos_embed" not in own:
+def _shape_of(tensors: Mapping[str, Tensor], source: str) -> VitShape:
+    if "pos_embed" not in tensors:
         message = f"{source} does not fit the network: missing: pos_embed"
         raise WeightsError(message)
-    positions = own["pos_embed"].shape[1]
-    distilled = any("dist" in key for key in own) or _grid(positions - 1) is None
+    positions = tensors["pos_embed"].shape[1]
+    distilled = any("dist" in key for key in tensors) or _grid(positions - 1) is None
     grid = _grid(positions - (2 if distilled else 1))
     if grid is None:
         message = f"{source} has {positions} position embeddings, which make no 1:1 or 3:4 grid"
         raise WeightsError(message)
-    return VitShape(grid_hw=grid, distilled=distilled, head_dim=_head_dim(own))
+    return VitShape(grid_hw=grid, distilled=distilled, head_dim=_head_dim(tensors))
 
 
 def _grid(patches: int) -> tuple[int, int] | None:
-    """Tell rows and columns from their product.
+    """Infer rows and columns from the number of patches.
 
     Example:
         >>> _grid(196), _grid(1200), _grid(1201)
@@ -91,6 +91,6 @@ def _grid(patches: int) -> tuple[int, int] | None:
     return (high * side, wide * side) if high * wide * side**2 == patches else None
 
 
-def _head_dim(own: Mapping[str, Tensor]) -> int | None:
-    heads = [value for key, value in own.items() if key.startswith(("head.", "head_dist."))]
+def _head_dim(tensors: Mapping[str, Tensor]) -> int | None:
+    heads = [value for key, value in tensors.items() if key.startswith(("head.", "head_dist."))]
     return heads[0].shape[0] if heads else None

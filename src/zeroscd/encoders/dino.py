@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from zeroscd.settings import Settings
     from zeroscd.weights.rename import Rules
 
-# From Meta's names to those of transformers' networks. A mask token only matters in training.
+# From Meta's names to those of transformers' networks. Mask tokens matter in training only.
 _SHARED: Rules = (
     (r"\.ls(\d)\.gamma$", r".layer_scale\1.lambda1"),
     (r"\.attn\.proj\.", ".attention.o_proj."),
@@ -52,7 +52,7 @@ MASKED_PATCH = "embeddings.mask_token"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DinoForm:
-    """Which transformers network a checkpoint fits, and how.
+    """The transformers network that a checkpoint fits.
 
     Attributes:
         family: Name of its classes: family + "Config" and family + "Model".
@@ -94,7 +94,7 @@ def load(settings: Settings, device: str) -> TransformerEncoder:
 
 
 def build(form: DinoForm) -> Any:  # noqa: ANN401 - transformers' classes carry no usable types
-    """Return the network, with random weights, ready to compute.
+    """Return the network with random weights, in evaluation mode.
 
     Raises:
         SettingsError: transformers is missing or cannot be imported.
@@ -105,10 +105,10 @@ def build(form: DinoForm) -> Any:  # noqa: ANN401 - transformers' classes carry 
 
 
 def converted(tensors: Mapping[str, Tensor], form: DinoForm, *, source: str) -> dict[str, Tensor]:
-    """Carry a published checkpoint to the names of the network.
+    """Rename a published checkpoint's tensors as the network names them.
 
     Raises:
-        WeightsError: Two tensors would get one name.
+        WeightsError: Two tensors would get the same name.
     """
     cut = split_in_three(tensors, joint=".qkv.", parts=(".q_proj.", ".k_proj.", ".v_proj."))
     result = renamed(cut, form.rules, source=source)
@@ -118,7 +118,7 @@ def converted(tensors: Mapping[str, Tensor], form: DinoForm, *, source: str) -> 
 
 
 def wrap(network: Any, settings: Settings, *, device: str) -> TransformerEncoder:  # noqa: ANN401
-    """Make an encoder of a network.
+    """Wrap a network in an encoder.
 
     Raises:
         SettingsError: The network has no such layer.
@@ -144,5 +144,5 @@ def wrap(network: Any, settings: Settings, *, device: str) -> TransformerEncoder
         side_px=settings.side_px,
         network=patches,
         device=device,
-        half=settings.precision == "bf16",
+        bf16=settings.precision == "bf16",
     )

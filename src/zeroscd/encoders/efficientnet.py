@@ -21,8 +21,8 @@ ModuleT = TypeVar("ModuleT", bound=nn.Module)
 
 BATCH_NORM_EPS = 1e-3  # as the checkpoint was trained
 STEM_CHANNELS = 32
-# Larger arrays are handed back to the system after each step and fetched anew, page by page: in
-# strips that stay below, the widest blocks take a third of the time (docs/lite.md).
+# The allocator returns larger arrays to the system and pages them in again at each step: in strips
+# below this size, the widest blocks take a third of the time (docs/lite.md).
 STRIP_BYTES = 8 * 2**20
 CLASSIFIER_PREFIXES = ("_conv_head.", "_bn1.", "_fc.")  # after the trunk: not needed for patches
 
@@ -50,14 +50,14 @@ STAGES = (
 
 
 class Block(nn.Module):
-    """Inverted residual: widen, convolve each channel, narrow; add the input where shapes allow."""
+    """Inverted residual: expand, depthwise convolution, project; add the input if shapes allow."""
 
     def __init__(self, inputs: int, stage: Stage, *, stride: int) -> None:
         super().__init__()
         hidden = inputs * stage.expand
-        self.widens = stage.expand > 1
+        self.expands = stage.expand > 1
         self.adds_input = stride == 1 and inputs == stage.channels
-        if self.widens:
+        if self.expands:
             self._expand_conv = nn.Conv2d(inputs, hidden, 1, bias=False)
             self._bn0 = nn.BatchNorm2d(hidden, eps=BATCH_NORM_EPS)
         self._depthwise_conv = _conv(hidden, hidden, stage.kernel, stride=stride, groups=hidden)
@@ -68,15 +68,15 @@ class Block(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """Map (B, inputs, H, W) to (B, channels, ceil(H / stride), ceil(W / stride)).
 
-        The same numbers to the last bit whether the rows are computed at once or in strips.
+        Computing in strips of rows gives the same numbers to the last bit.
         """
         row_bytes = self._depthwise_conv.out_channels * x.shape[3] * x.element_size()
         if len(x) * x.shape[2] * row_bytes <= STRIP_BYTES:
-            narrow = self._narrow(self._depthwise_conv(self._widen(x)))
+            out = self._project(self._depthwise_conv(self._expand(x)))
         else:
             rows = STRIP_BYTES // row_bytes
-            narrow = torch.cat([self._in_strips(photo, rows=rows) for photo in torch.split(x, 1)])
-        return x + narrow if self.adds_input else narrow
+            out = torch.cat([self._in_strips(photo, rows=rows) for photo in torch.split(x, 1)])
+        return x + out if self.adds_input else out
 
     def _in_strips(self, photo: torch.Tensor, *, rows: int) -> torch.Tensor:
         conv, height = self._depthwise_conv, photo.shape[2]
@@ -87,39 +87,39 @@ class Block(nn.Module):
         for start in range(0, rows_out, step):
             above = start * stride - margin
             below = (min(start + step, rows_out) - 1) * stride - margin + kernel
-            wide = self._widen(photo[:, :, max(above, 0) : below])
-            # What lies beyond the photo is zero for the convolution, and not what widens to it.
-            wide = functional.pad(wide, (0, 0, max(-above, 0), max(below - height, 0)))
-            looked = functional.conv2d(
-                wide, conv.weight, conv.bias, conv.stride, (0, margin), groups=conv.groups
+            expanded = self._expand(photo[:, :, max(above, 0) : below])
+            # The depthwise convolution pads by zero; expanding a zero would not give zero.
+            expanded = functional.pad(expanded, (0, 0, max(-above, 0), max(below - height, 0)))
+            convolved = functional.conv2d(
+                expanded, conv.weight, conv.bias, conv.stride, (0, margin), groups=conv.groups
             )
-            strips.append(self._narrow(looked))
+            strips.append(self._project(convolved))
         return torch.cat(strips, dim=2)
 
-    def _widen(self, x: torch.Tensor) -> torch.Tensor:
-        if not self.widens:
+    def _expand(self, x: torch.Tensor) -> torch.Tensor:
+        if not self.expands:
             return x
         return functional.relu6(self._bn0(self._expand_conv(x)), inplace=True)
 
-    def _narrow(self, y: torch.Tensor) -> torch.Tensor:
-        narrow: torch.Tensor = self._bn2(
+    def _project(self, y: torch.Tensor) -> torch.Tensor:
+        projected: torch.Tensor = self._bn2(
             self._project_conv(functional.relu6(self._bn1(y), inplace=True))
         )
-        return narrow
+        return projected
 
-    def fold(self) -> None:
-        """Fold each normalisation into the convolution before it."""
-        if self.widens:
-            _fold(self, "_expand_conv", "_bn0")
-        _fold(self, "_depthwise_conv", "_bn1")
-        _fold(self, "_project_conv", "_bn2")
+    def fuse(self) -> None:
+        """Fuse each batch normalisation into the convolution before it."""
+        if self.expands:
+            _fuse_conv_bn(self, "_expand_conv", "_bn0")
+        _fuse_conv_bn(self, "_depthwise_conv", "_bn1")
+        _fuse_conv_bn(self, "_project_conv", "_bn2")
 
 
 class Trunk(nn.Module):
     """Everything before the classifier.
 
-    Convolutions are padded evenly on all sides, so the output cell (i, j) of stride s looks at the
-    pixel (s * i, s * j) exactly, whatever the depth: grids of all depths share their origin.
+    Convolutions are padded evenly on all sides, so the output cell (i, j) of stride s is centred on
+    pixel (s * i, s * j) at every level: all grids share their origin.
     """
 
     def __init__(self) -> None:
@@ -153,7 +153,7 @@ class Trunk(nn.Module):
         return found
 
     def load_checkpoint(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Take the published state: every key of the trunk must be there, and nothing unknown.
+        """Load the published state dict, strictly.
 
         Raises:
             RuntimeError: A key is missing, left over or of another shape.
@@ -161,18 +161,18 @@ class Trunk(nn.Module):
         trunk = {k: v for k, v in state.items() if not k.startswith(CLASSIFIER_PREFIXES)}
         self.load_state_dict(trunk, strict=True)
 
-    def fold(self) -> Trunk:
-        """Return a copy for inference: normalisations folded into the convolutions before them.
+    def fused(self) -> Trunk:
+        """Return a copy for inference: batch normalisations fused into preceding convolutions.
 
         The same numbers to rounding, in two thirds of the time on a CPU together with channels
         stored last (docs/lite.md).
         """
-        folded = copy.deepcopy(self).eval()
-        _fold(folded, "_conv_stem", "_bn0")
-        for block in folded.modules():
+        fused = copy.deepcopy(self).eval()
+        _fuse_conv_bn(fused, "_conv_stem", "_bn0")
+        for block in fused.modules():
             if isinstance(block, Block):
-                block.fold()
-        return channels_last(folded)
+                block.fuse()
+        return channels_last(fused)
 
 
 def channels_last(network: ModuleT) -> ModuleT:
@@ -181,7 +181,7 @@ def channels_last(network: ModuleT) -> ModuleT:
     return network
 
 
-def _fold(owner: nn.Module, conv: str, norm: str) -> None:
+def _fuse_conv_bn(owner: nn.Module, conv: str, norm: str) -> None:
     fused = fuse_conv_bn_eval(getattr(owner, conv), getattr(owner, norm))
     setattr(owner, conv, fused)
     setattr(owner, norm, nn.Identity())

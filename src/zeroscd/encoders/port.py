@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class PatchEncoder(Protocol):
-    """Turns photos into patch descriptors that ignore weather, light and season."""
+    """Encodes photos as patch descriptors that ignore weather, light and season."""
 
     @property
     def name(self) -> str:
@@ -21,7 +21,7 @@ class PatchEncoder(Protocol):
 
     @property
     def tau(self) -> float:
-        """Its own change threshold on unit-descriptor distance."""
+        """Its change threshold on unit-descriptor distance."""
         ...
 
     def encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:

@@ -1,7 +1,7 @@
 """The change threshold of each encoder, and where the number comes from.
 
-A threshold belongs to its encoder: the distances of one network's descriptors say nothing about
-another's (docs/method.md). Where nobody could calibrate one, the source says so.
+A threshold belongs to its encoder, because descriptor distances of two networks are not comparable
+(docs/method.md). Where none was calibrated, the source says so.
 """
 
 from __future__ import annotations

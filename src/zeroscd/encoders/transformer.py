@@ -1,4 +1,4 @@
-"""What all transformer encoders share: photos in, unit patch descriptors out."""
+"""What all transformer encoders share: from photos to unit patch descriptors."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from zeroscd.errors import SettingsError
 from zeroscd.images.grid import PatchGrid
 from zeroscd.images.resizing import resize, working_size
 from zeroscd.records import FeatureMap
+from zeroscd.weights.imagenet import normalise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -22,23 +23,21 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Rgb
 
-# Statistics of ImageNet's photos in 0..1, with which all these networks were trained.
-MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TransformerEncoder:
-    """A patch encoder around a network that is loaded and on its device.
+    """A patch encoder around a loaded network.
 
     Attributes:
         name: The name by which settings ask for it.
         tau: Its change threshold on unit-descriptor distance.
-        patch_px: Side of a patch, in pixels of what the network sees.
-        side_px: A photo is seen at about this size squared.
+        patch_px: Side of a patch, in pixels of the resized photo.
+        side_px: Photos are resized to about this many pixels squared.
         network: (B, 3, H, W) normalised pixels to (B, rows, cols, dim) patch tokens.
-        placer: The same pixels to (B, d) unit place descriptors, where the checkpoint can.
-        device: Of the network.
-        half: Compute in bfloat16 where torch holds that safe.
+        global_head: The same pixels to (B, d) unit descriptors of whole photos; None = the
+            checkpoint has no retrieval head.
+        device: Where the network is.
+        bf16: Compute in bfloat16 where torch's autocast considers that safe.
     """
 
     name: str
@@ -46,20 +45,20 @@ class TransformerEncoder:
     patch_px: int
     side_px: int
     network: Callable[[Tensor], Tensor]
-    placer: Callable[[Tensor], Tensor] | None = None
+    global_head: Callable[[Tensor], Tensor] | None = None
     device: str = "cpu"
-    half: bool = False
+    bf16: bool = False
 
     def encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
-        """Return one feature map for each photo; photos of equal size go through together."""
+        """Return one feature map for each photo; photos of equal size share a batch."""
         tokens = self._run(self.network, photos)
         return [(_feature_map(grid, photo),) for grid, photo in zip(tokens, photos, strict=True)]
 
     def places(self, photos: Sequence[Rgb]) -> NDArray[np.float32] | None:
         """Return (N, d) unit descriptors of whole photos, or None if the network has no head."""
-        if self.placer is None:
+        if self.global_head is None:
             return None
-        return torch.stack(self._run(self.placer, photos)).numpy()
+        return torch.stack(self._run(self.global_head, photos)).numpy()
 
     def _run(self, network: Callable[[Tensor], Tensor], photos: Sequence[Rgb]) -> list[Tensor]:
         sizes = [
@@ -76,7 +75,7 @@ class TransformerEncoder:
     def _infer(self, network: Callable[[Tensor], Tensor], pixels: Tensor) -> Tensor:
         with (
             torch.inference_mode(),
-            torch.autocast(self.device, dtype=torch.bfloat16, enabled=self.half),
+            torch.autocast(self.device, dtype=torch.bfloat16, enabled=self.bf16),
         ):
             return network(pixels.to(self.device)).float().cpu()
 
@@ -94,9 +93,9 @@ def checked_layer(layer: int, *, depth: int) -> int:
 
 
 def to_pixels(photo: Rgb, size_hw: tuple[int, int]) -> Tensor:
-    """Resize a photo and normalise it as the networks were trained, (3, H, W) float32."""
+    """Resize a photo and normalise it by ImageNet's statistics, (3, H, W) float32."""
     scaled = torch.from_numpy(resize(photo, size_hw)).permute(2, 0, 1).float() / 255
-    return (scaled - torch.tensor(MEAN)[:, None, None]) / torch.tensor(STD)[:, None, None]
+    return normalise(scaled)
 
 
 def _feature_map(tokens: Tensor, photo: Rgb) -> FeatureMap:

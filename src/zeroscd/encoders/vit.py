@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VitShape:
-    """The numbers that decide a vision transformer's form; the defaults are ViT-S/16.
+    """The dimensions of a vision transformer; the defaults are ViT-S/16.
 
     Attributes:
         dim: Length of a token.
@@ -23,7 +23,7 @@ class VitShape:
         heads: Attention heads of a block.
         patch_px: Side of a patch, in pixels.
         grid_hw: Patch rows and columns that the position embedding was trained for.
-        distilled: A distillation token stands behind the class token.
+        distilled: There is a distillation token after the class token.
         head_dim: Length of the retrieval descriptor; None = the network has no retrieval head.
     """
 
@@ -51,7 +51,7 @@ class Attention(nn.Module):
         self.proj = nn.Linear(shape.dim, shape.dim)
 
     def forward(self, tokens: Tensor) -> Tensor:
-        """Mix tokens; (B, N, dim) to the same."""
+        """Attend over all tokens, (B, N, dim) to the same."""
         batch, count, dim = tokens.shape
         joint = self.qkv(tokens).reshape(batch, count, 3, self.heads, dim // self.heads)
         query, key, value = joint.permute(2, 0, 3, 1, 4)
@@ -61,7 +61,7 @@ class Attention(nn.Module):
 
 
 class Mlp(nn.Module):
-    """Two layers with a GELU between them, four times as wide inside."""
+    """Two linear layers with a GELU between them, four times as wide inside."""
 
     def __init__(self, dim: int) -> None:
         super().__init__()
@@ -69,13 +69,13 @@ class Mlp(nn.Module):
         self.fc2 = nn.Linear(4 * dim, dim)
 
     def forward(self, tokens: Tensor) -> Tensor:
-        """Change every token by itself; (B, N, dim) to the same."""
+        """Map each token, (B, N, dim) to the same."""
         out: Tensor = self.fc2(functional.gelu(self.fc1(tokens)))
         return out
 
 
 class Block(nn.Module):
-    """Attention and MLP, each behind a norm and beside a shortcut."""
+    """Pre-norm attention and MLP, each with a residual connection."""
 
     def __init__(self, shape: VitShape) -> None:
         super().__init__()
@@ -92,7 +92,7 @@ class Block(nn.Module):
 
 
 class PatchEmbed(nn.Module):
-    """One linear map of every patch, written as a convolution."""
+    """Linear projection of the patches, as a convolution."""
 
     def __init__(self, shape: VitShape) -> None:
         super().__init__()
@@ -105,7 +105,7 @@ class PatchEmbed(nn.Module):
 
 
 class VisionTransformer(nn.Module):
-    """The transformer; its tensors have the names of timm's DeiT, which checkpoints use."""
+    """The transformer; its tensors are named as in timm's DeiT, as checkpoints are."""
 
     def __init__(self, shape: VitShape) -> None:
         super().__init__()
@@ -124,11 +124,11 @@ class VisionTransformer(nn.Module):
                 self.head_dist = nn.Linear(shape.dim, shape.head_dim)
 
     def tokens(self, pixels: Tensor, *, layer: int) -> tuple[Tensor, Tensor]:
-        """Return the tokens after some block.
+        """Return the tokens after a block.
 
         Args:
             pixels: (B, 3, H, W) normalised; sides are multiples of the patch side.
-            layer: 1..depth; after the last block the final norm is applied, before it is not.
+            layer: 1..depth; the final norm is applied after the last block only.
 
         Returns:
             Prefix tokens (B, 1 or 2, dim) and patch tokens (B, rows, cols, dim).
@@ -156,7 +156,7 @@ class VisionTransformer(nn.Module):
         fitted = functional.interpolate(trained.permute(0, 3, 1, 2), size=grid_hw, mode="bicubic")
         return torch.cat([self.pos_embed[:, :prefix], fitted.flatten(2).transpose(1, 2)], dim=1)
 
-    def place(self, pixels: Tensor) -> Tensor:
+    def global_descriptor(self, pixels: Tensor) -> Tensor:
         """Return one unit descriptor of the whole photo, (B, head_dim).
 
         With a distillation token: the mean of both heads (R2Former, arXiv 2304.03410). Without:

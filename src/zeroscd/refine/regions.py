@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,15 +9,13 @@ import cv2
 import numpy as np
 from pycocotools import mask as coco
 
-from zeroscd.records import Region
+from zeroscd.records import UNRELATED, Region
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from zeroscd.arrays import Mask
     from zeroscd.records import CoarseChange, Frame, Kind
-
-UNRELATED = math.sqrt(2.0)  # expected distance of two unit vectors that have nothing in common
 
 
 def find_regions(

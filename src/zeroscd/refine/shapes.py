@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from zeroscd.images.components import small_components
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -74,10 +76,7 @@ def remove_small_components(mask: Mask, *, min_area_px: int) -> Mask:
         >>> remove_small_components(np.array([[True, False, True, True]]), min_area_px=2)
         array([[False, False,  True,  True]])
     """
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    large = boxes[:, cv2.CC_STAT_AREA] >= min_area_px
-    large[0] = False  # what is not in the mask
-    return np.asarray(large[labels], dtype=bool)
+    return mask & ~small_components(mask, min_area_px=min_area_px)
 
 
 def _around(box_xywh: Sequence[int], size_hw: tuple[int, ...]) -> tuple[slice, slice]:

@@ -1,1 +1,1 @@
-"""Stage 5a: a photo to outlines of objects and their parts."""
+"""Stage 5a: a photo to segments, which are objects and their parts."""

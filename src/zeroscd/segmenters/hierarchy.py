@@ -1,4 +1,4 @@
-"""Nested regions from a boundary map: a watershed, merged across the weakest borders first.
+"""Nested regions from a boundary map: a watershed, merged across the weakest boundaries first.
 
 Source: Arbelaez et al., "Contour Detection and Hierarchical Image Segmentation", PAMI 2011,
 section 4 (ultrametric contour maps); the boundary map comes from elsewhere.
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Map
 
-SMOOTHING_CELLS = 1.0  # a border's noise must not become basins of its own
-STRENGTH_LEVELS = 40  # basins shallower than one level are one basin
-MINIMUM_WINDOW = 5  # cells; two basins closer than half of it are one
+SMOOTHING_CELLS = 1.0  # standard deviation; noise along a boundary must not become basins
+STRENGTH_LEVELS = 40  # basins shallower than one level are merged
+MINIMUM_WINDOW = 5  # cells in which a local minimum is the lowest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,10 +43,10 @@ class Hierarchy:
 
 
 def build_hierarchy(boundary: Map) -> Hierarchy:
-    """Cut a boundary map into basins and merge neighbours, weakest common border first.
+    """Cut a boundary map into basins and merge neighbours, weakest common boundary first.
 
     Args:
-        boundary: (h, w) 0..1, how likely a border runs there.
+        boundary: (h, w) 0..1, how likely a boundary runs there.
     """
     leaf_of = _basins(boundary)
     children = _merge(leaf_of, boundary)
@@ -61,8 +61,8 @@ def _basins(boundary: Map) -> NDArray[np.int32]:
     minima = cv2.erode(levels, window) == levels
     _, labels = cv2.connectedComponents(minima.astype(np.uint8), connectivity=8)
     relief = cv2.cvtColor(np.round(smooth * 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
-    # OpenCV's watershed erases the outermost cells, and with them the basins along the rim.
-    relief, seeds = _with_rim(relief), _with_rim(labels.astype(np.int32))
+    # OpenCV's watershed erases the outermost cells, hence the basins along the edge.
+    relief, seeds = _padded(relief), _padded(labels.astype(np.int32))
     labels = cv2.watershed(relief, seeds)[1:-1, 1:-1]
     lines = labels <= 0  # the watershed leaves a line of cells between basins
     while lines.any():
@@ -73,12 +73,12 @@ def _basins(boundary: Map) -> NDArray[np.int32]:
     return np.asarray(dense.reshape(boundary.shape), dtype=np.int32)
 
 
-def _with_rim(cells: NDArray[Any]) -> NDArray[Any]:
+def _padded(cells: NDArray[Any]) -> NDArray[Any]:
     """Repeat the outermost cells once on every side."""
     return np.asarray(cv2.copyMakeBorder(cells, 1, 1, 1, 1, cv2.BORDER_REPLICATE))
 
 
-def _borders(leaf_of: NDArray[np.int32], boundary: Map) -> list[dict[int, tuple[float, int]]]:
+def _boundaries(leaf_of: NDArray[np.int32], boundary: Map) -> list[dict[int, tuple[float, int]]]:
     """For each leaf its neighbours, with sum and count of boundary strength between them."""
     leaves = int(leaf_of.max()) + 1
     pairs, strengths = [], []
@@ -101,17 +101,17 @@ def _borders(leaf_of: NDArray[np.int32], boundary: Map) -> list[dict[int, tuple[
 
 
 def _merge(leaf_of: NDArray[np.int32], boundary: Map) -> list[tuple[int, int]]:
-    """Merge the two neighbours with the weakest mean border until none is left.
+    """Merge the two neighbours with the weakest mean boundary until one region is left.
 
     Returns:
         The two children of each new node, in the order of merging.
     """
-    neighbours = _borders(leaf_of, boundary)
+    neighbours = _boundaries(leaf_of, boundary)
     alive = [True] * len(neighbours)
     queue = [
         (total / count, a, b)
-        for a, borders in enumerate(neighbours)
-        for b, (total, count) in borders.items()
+        for a, boundaries in enumerate(neighbours)
+        for b, (total, count) in boundaries.items()
         if a < b
     ]
     heapq.heapify(queue)
@@ -124,7 +124,7 @@ def _merge(leaf_of: NDArray[np.int32], boundary: Map) -> list[tuple[int, int]]:
         new = len(neighbours)
         children.append((a, b))
         alive.append(True)
-        neighbours.append(_united(neighbours, a, b))
+        neighbours.append(_union(neighbours, a, b))
         for other, (total, count) in neighbours[new].items():
             neighbours[other].pop(a, None)
             neighbours[other].pop(b, None)
@@ -133,20 +133,20 @@ def _merge(leaf_of: NDArray[np.int32], boundary: Map) -> list[tuple[int, int]]:
     return children
 
 
-def _united(
+def _union(
     neighbours: list[dict[int, tuple[float, int]]], a: int, b: int
 ) -> dict[int, tuple[float, int]]:
-    """Borders of the union of two neighbours with everything else."""
-    united = {other: border for other, border in neighbours[a].items() if other != b}
+    """Boundaries of the union of two neighbours with everything else."""
+    union = {other: shared for other, shared in neighbours[a].items() if other != b}
     for other, (total, count) in neighbours[b].items():
         if other != a:
-            known_total, known_count = united.get(other, (0.0, 0))
-            united[other] = (known_total + total, known_count + count)
-    return united
+            known_total, known_count = union.get(other, (0.0, 0))
+            union[other] = (known_total + total, known_count + count)
+    return union
 
 
 def _number(leaf_of: NDArray[np.int32], children: list[tuple[int, int]]) -> Hierarchy:
-    """Renumber the leaves depth first, so that every node's leaves are a range."""
+    """Renumber the leaves depth first, so that the leaves of every node are a range."""
     leaves = int(leaf_of.max()) + 1
     nodes = leaves + len(children)
     size = np.ones(nodes, dtype=np.int32)

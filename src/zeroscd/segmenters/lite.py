@@ -1,4 +1,4 @@
-"""The embedded segmenter: learned borders, a watershed, and a tree of nested regions."""
+"""The segmenter of preset lite: learned boundaries, a watershed, and a tree of merged regions."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from zeroscd.segmenters.hierarchy import Hierarchy
     from zeroscd.settings import Settings
 
-LARGEST_SHARE = 0.5  # of a photo; larger regions are the scene, not a thing in it
-MIN_CELLS = 6  # of the boundary map; smaller regions are its noise
+LARGEST_SHARE = 0.5  # of a photo; larger segments are the scene, not a thing in it
+MIN_CELLS = 6  # of the boundary map; smaller segments are noise
 
 
 class LiteSegmenter:
-    """Nested regions from the borders that people would draw.
+    """Nested segments from the boundaries that people would draw.
 
     Attributes:
         name: "lite".
@@ -46,7 +46,7 @@ class LiteSegmenter:
         self._head = head
 
     def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> LiteProposals:
-        """Take up a photo.
+        """Prepare a photo; the tree is built on first use.
 
         Args:
             photo: (H, W, 3) uint8 RGB.
@@ -56,43 +56,40 @@ class LiteSegmenter:
 
 
 class LiteProposals:
-    """A photo and its tree of regions, which is built when it is first needed.
-
-    Threads may share it: whoever comes first builds, the others wait for it.
-    """
+    """A photo and its tree of regions, built on first use; threads that share it build it once."""
 
     def __init__(self, head: BoundaryHead, photo: Rgb, features: tuple[FeatureMap, ...]) -> None:
         self._head, self._photo, self._features = head, photo, features
         self._tree: Hierarchy | None = None
-        self._turn = Lock()
+        self._lock = Lock()
 
     @property
     def size_bytes(self) -> int:
-        """What the tree takes."""
+        """Memory of the tree."""
         tree = self._tree
         return 0 if tree is None else tree.leaf_of.nbytes + tree.first.nbytes + tree.last.nbytes
 
-    def segments(self, where: Mask | None) -> Segments:
-        """Return all regions of the tree that touch the wanted places.
+    def segments(self, roi: Mask | None) -> Segments:
+        """Return all nodes of the tree that touch the region of interest, leaves first.
 
         Args:
-            where: (H, W) places of interest; None = everywhere.
+            roi: (H, W) region of interest; None = the whole photo.
         """
         hierarchy = self._hierarchy()
-        leaf_of = _to_photo(hierarchy.leaf_of, self._photo.shape[:2])
+        leaf_of = leaves_to_pixels(hierarchy.leaf_of, self._photo.shape[:2])
         min_area_px = MIN_CELLS * leaf_of.size / hierarchy.leaf_of.size
         return Segments(
             size_hw=leaf_of.shape,
-            items=tuple(_outlines(hierarchy, leaf_of, where=where, min_area_px=min_area_px)),
+            items=tuple(tree_segments(hierarchy, leaf_of, roi=roi, min_area_px=min_area_px)),
         )
 
     def _hierarchy(self) -> Hierarchy:
-        with self._turn:
+        with self._lock:
             if self._tree is None:
-                self._tree = self._built()
+                self._tree = self._build()
             return self._tree
 
-    def _built(self) -> Hierarchy:
+    def _build(self) -> Hierarchy:
         rows, cols = next(m for m in self._features if m.source == FINEST).grid.size_hw
         stride = LEVEL_STRIDES_PX[FINEST]
         working = resize(self._photo, (rows * stride, cols * stride))
@@ -105,7 +102,7 @@ def load(settings: Settings, device: str) -> LiteSegmenter:
     return LiteSegmenter(load_head())
 
 
-def _to_photo(leaf_of: NDArray[np.int32], photo_hw: tuple[int, ...]) -> NDArray[np.int32]:
+def leaves_to_pixels(leaf_of: NDArray[np.int32], photo_hw: tuple[int, ...]) -> NDArray[np.int32]:
     """Give every pixel of the photo the leaf of the nearest cell; cell i lies at 2 i."""
     height, width = photo_hw[:2]
     scale_y, scale_x = (c * STRIDE_PX / n for c, n in zip(leaf_of.shape, photo_hw, strict=True))
@@ -116,29 +113,34 @@ def _to_photo(leaf_of: NDArray[np.int32], photo_hw: tuple[int, ...]) -> NDArray[
     return np.asarray(leaf_of[row[:, None], col[None, :]])
 
 
-def _outlines(
-    hierarchy: Hierarchy, leaf_of: NDArray[np.int32], *, where: Mask | None, min_area_px: float
+def tree_segments(
+    hierarchy: Hierarchy, leaf_of: NDArray[np.int32], *, roi: Mask | None, min_area_px: float
 ) -> Iterator[Segment]:
+    """Yield the nodes of a tree as segments, leaves first.
+
+    Args:
+        hierarchy: The tree.
+        leaf_of: (H, W) the leaf of every pixel.
+        roi: (H, W) nodes without a pixel in it are left out; None keeps all.
+        min_area_px: Smaller nodes are left out, as are those above LARGEST_SHARE of the photo.
+    """
     leaves = int(hierarchy.last.max())
-    area = _below(hierarchy, np.bincount(leaf_of.ravel(), minlength=leaves))
-    wanted = (
-        area
-        if where is None
-        else _below(hierarchy, np.bincount(leaf_of[where].ravel(), minlength=leaves))
-    )
+    area = _sum_leaves(hierarchy, np.bincount(leaf_of.ravel(), minlength=leaves))
+    inside = leaf_of if roi is None else leaf_of[roi]
+    roi_area = _sum_leaves(hierarchy, np.bincount(inside.ravel(), minlength=leaves))
     boxes = _boxes(leaf_of, leaves)
-    fits = (area >= min_area_px) & (area <= LARGEST_SHARE * leaf_of.size) & (wanted > 0)
+    fits = (area >= min_area_px) & (area <= LARGEST_SHARE * leaf_of.size) & (roi_area > 0)
     for node in np.flatnonzero(fits):
         first, last = hierarchy.first[node], hierarchy.last[node]
         left, top = boxes[first:last, :2].min(axis=0)
         right, bottom = boxes[first:last, 2:].max(axis=0)
         box = leaf_of[top:bottom, left:right]
-        # The boxes are tight already, so `Segment.from_mask` would only measure them again.
+        # The box is tight: `Segment.from_mask` would only measure it again.
         bbox_xywh = (int(left), int(top), int(right - left), int(bottom - top))
         yield Segment(bbox_xywh, np.packbits((box >= first) & (box < last)), int(area[node]))
 
 
-def _below(hierarchy: Hierarchy, per_leaf: NDArray[np.intp]) -> NDArray[np.intp]:
+def _sum_leaves(hierarchy: Hierarchy, per_leaf: NDArray[np.intp]) -> NDArray[np.intp]:
     """Sum a number over the leaves below every node."""
     total = np.concatenate([[0], np.cumsum(per_leaf)])
     return np.asarray(total[hierarchy.last] - total[hierarchy.first])

@@ -10,27 +10,28 @@ if TYPE_CHECKING:
 
 
 class MaskProposals(Protocol):
-    """One photo as a segmenter knows it: what does not depend on the place is done once.
+    """The segments of one photo, on demand.
 
-    It may be asked about many places, for a photo has one in every pair and at every threshold.
+    Work that does not depend on the region of interest is done once: a photo meets another region
+    in every pair and at every threshold.
     """
 
     @property
     def size_bytes(self) -> int:
-        """What was found out about the photo so far takes this much memory."""
+        """Memory held for the photo so far."""
         ...
 
-    def segments(self, where: Mask | None) -> Segments:
-        """Return the outlines of the photo.
+    def segments(self, roi: Mask | None) -> Segments:
+        """Return the segments of the photo, in a stable order.
 
         Args:
-            where: (H, W) only outlines around these places are wanted; None = everywhere.
+            roi: (H, W) region of interest, which the segments must reach; None = the whole photo.
         """
         ...
 
 
 class Segmenter(Protocol):
-    """Cuts a photo into class-agnostic outlines that may overlap and nest."""
+    """Cuts a photo into class-agnostic segments that may overlap and nest."""
 
     @property
     def name(self) -> str:
@@ -38,10 +39,10 @@ class Segmenter(Protocol):
         ...
 
     def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> MaskProposals:
-        """Take up a photo; the work begins when its outlines are asked for.
+        """Prepare a photo; the work begins when its segments are requested.
 
         Args:
             photo: (H, W, 3) uint8 RGB.
-            features: The photo's feature maps, for segmenters that merge by them.
+            features: The photo's feature maps, for segmenters that use them.
         """
         ...

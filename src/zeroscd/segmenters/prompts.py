@@ -1,4 +1,4 @@
-"""Where SAM is asked: crops of the photo, a grid of points in each, all or only the useful ones."""
+"""Prompts for SAM: crops of the photo and a grid of points in each, all or within a region."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 CROP_OVERLAP = 512 / 1500  # of the photo's shorter side, in the first layer (SAM's published value)
 
-# How far beyond the wanted places a prompt may lie, in steps of the grid. With half a step every
-# wanted pixel has a prompt that stands for it.
-REACH_STEPS = 0.5
+# How far outside of the region of interest a prompt may lie, in grid steps. With half a step, every
+# pixel of the region is in the cell of a prompt.
+MARGIN_STEPS = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crop:
-    """A window of the photo that SAM looks at by itself.
+    """A window of the photo that SAM encodes on its own.
 
     Attributes:
         box_xyxy: Left, top, right, bottom; right and bottom are the first pixels outside.
@@ -77,7 +77,7 @@ def _spans(side: int, count: int, overlap: int) -> list[tuple[int, int]]:
 def grid_points(size_hw: tuple[int, int], *, per_side: int) -> PointsXy:
     """Return per_side x per_side points evenly over a crop, row by row, (N, 2) in its pixels.
 
-    SAM counts pixels from their edges: a crop of width W spans 0 .. W here.
+    As in SAM, pixel edges are whole numbers: a crop of width W spans 0 .. W here.
 
     Example:
         >>> grid_points((4, 8), per_side=2).tolist()
@@ -88,19 +88,19 @@ def grid_points(size_hw: tuple[int, int], *, per_side: int) -> PointsXy:
     return np.stack([cols.ravel(), rows.ravel()], axis=1)
 
 
-def wanted_points(points_xy: PointsXy, crop: Crop, where: Mask, *, per_side: int) -> PointsXy:
-    """Keep the points that have a wanted pixel within reach.
+def points_in_roi(points_xy: PointsXy, crop: Crop, roi: Mask, *, per_side: int) -> PointsXy:
+    """Keep the points within half a grid step of a region of interest.
 
     Args:
         points_xy: (N, 2) in pixels of the crop.
         crop: Where they lie.
-        where: (H, W) wanted places of the whole photo.
-        per_side: Points along a side of the crop; decides the reach.
+        roi: (H, W) region of interest in the whole photo.
+        per_side: Points along a side of the crop.
     """
     left, top, _, _ = crop.box_xyxy
     height, width = crop.size_hw
-    reach = REACH_STEPS / per_side * np.array([width, height])
+    margin = MARGIN_STEPS / per_side * np.array([width, height])
     centres = points_xy + np.array([left, top])
-    low = np.floor(centres - reach).astype(int)
-    high = np.ceil(centres + reach).astype(int)
-    return points_xy[count_in_boxes(where, np.hstack([low, high])) > 0]
+    low = np.floor(centres - margin).astype(int)
+    high = np.ceil(centres + margin).astype(int)
+    return points_xy[count_in_boxes(roi, np.hstack([low, high])) > 0]

@@ -55,14 +55,14 @@ SAM_RULES: Rules = (
     (r"^image_encoder\.blocks\.", "vision_encoder.layers."),
     (r"^image_encoder\.", "vision_encoder."),
 )
-# SAM's prompts and decoder behind an encoder of our own, which keeps the published names; what is
-# left out once told ImageNet's classes apart.
+# SAM's prompts and decoder behind our own encoder, which keeps the published names; what is
+# left out classified ImageNet.
 MOBILE_SAM_RULES: Rules = (
     *_PROMPTS_AND_DECODER,
     (r"^image_encoder\.(norm_head|head)\.", None),
     (r"^image_encoder\.", "vision_encoder."),
 )
-# What SAM 2 needs only to follow objects through a video.
+# What SAM 2 needs only to track objects through a video.
 _VIDEO = r"^(memory_|maskmem_|mask_downsample\.|obj_ptr_|no_obj_|no_mem_pos_enc$)"
 SAM2_RULES: Rules = (
     (_VIDEO, None),
@@ -76,7 +76,7 @@ SAM2_RULES: Rules = (
     (r"\.mlp\.layers\.1\.", ".mlp.proj_out."),
     (r"\.out_proj\.", ".o_proj."),
 )
-POINT_KINDS = 4  # not here, here, a box's first and second corner
+POINT_KINDS = 4  # background, foreground, a box's first and second corner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,9 +85,9 @@ class SamForm:
 
     Attributes:
         vision: What differs from the defaults of its vision encoder's configuration.
-        backbone: The same of the trunk inside; None = SAM, which has no trunk of its own.
+        backbone: The same for the trunk inside; None = SAM, which has no separate trunk.
         rules: How the checkpoint's names become the network's.
-        encoder: Takes the place of transformers' vision encoder, where it has none that fits.
+        encoder: Replaces transformers' vision encoder, where it has none that fits.
     """
 
     vision: Mapping[str, Any]
@@ -96,13 +96,13 @@ class SamForm:
     encoder: Callable[[], nn.Module] | None = None
 
 
-def _hiera(dim: int, blocks: list[int], looks_everywhere: list[int], **more: object) -> SamForm:
+def _hiera(dim: int, blocks: list[int], global_blocks: list[int], **more: object) -> SamForm:
     """SAM 2's trunk: widths double from stage to stage (sam2/configs/sam2.1)."""
     widths = [dim * 2**stage for stage in range(4)]
     trunk = {"hidden_size": dim, "embed_dim_per_stage": widths, "blocks_per_stage": blocks}
     return SamForm(
         vision={"backbone_channel_list": widths[::-1]},
-        backbone={**trunk, "global_attention_blocks": looks_everywhere, **more},
+        backbone={**trunk, "global_attention_blocks": global_blocks, **more},
         rules=SAM2_RULES,
     )
 
@@ -126,7 +126,7 @@ FORMS: dict[str, SamForm] = {
             "global_attn_indexes": [7, 15, 23, 31],
         }
     ),
-    # No block of SAM's is built only to be replaced.
+    # Without layers: transformers' encoder is replaced anyway.
     "mobile-sam": SamForm(vision={"num_hidden_layers": 0}, rules=MOBILE_SAM_RULES, encoder=TinyVit),
     "sam2.1-tiny": _hiera(96, [1, 2, 7, 2], [5, 7, 9]),
     "sam2.1-small": _hiera(96, [1, 2, 11, 2], [7, 10, 13]),
@@ -156,7 +156,7 @@ def load(settings: Settings, device: str) -> AutomaticSegmenter:
     """
     path = require([settings.segmenter])[settings.segmenter]
     form = FORMS[settings.segmenter]
-    with torch.device("meta"):  # random numbers that nobody will see: ViT-H has 641 million
+    with torch.device("meta"):  # skips initialisation: ViT-H has 641 million numbers
         model = build(form)
     tensors = converted(read_tensors(path), form, source=str(path))
     load_strictly(model, tensors, source=str(path))
@@ -164,7 +164,7 @@ def load(settings: Settings, device: str) -> AutomaticSegmenter:
 
 
 def build(form: SamForm) -> Any:  # noqa: ANN401 - transformers' classes carry no usable types
-    """Return the network, with random weights, ready to compute.
+    """Return the network with random weights, in evaluation mode.
 
     Raises:
         SettingsError: transformers is missing or cannot be imported.
@@ -182,10 +182,10 @@ def build(form: SamForm) -> Any:  # noqa: ANN401 - transformers' classes carry n
 
 
 def converted(tensors: Mapping[str, Tensor], form: SamForm, *, source: str) -> dict[str, Tensor]:
-    """Carry a published checkpoint to the names of the network.
+    """Rename a published checkpoint's tensors as the network names them.
 
     Raises:
-        WeightsError: Two tensors would get one name.
+        WeightsError: Two tensors would get the same name.
     """
     result = renamed(tensors, form.rules, source=source)
     if "positions" in result:  # transformers keeps two copies of the one random matrix
@@ -200,13 +200,13 @@ def converted(tensors: Mapping[str, Tensor], form: SamForm, *, source: str) -> d
 
 
 def wrap(model: Any, settings: Settings) -> AutomaticSegmenter:  # noqa: ANN401
-    """Make a segmenter of a model that is on its device."""
+    """Wrap a model that is on its device in a segmenter."""
     return AutomaticSegmenter(
         name=settings.segmenter, network=network_of(model, settings), settings=settings.segment
     )
 
 
 def network_of(model: Any, settings: Settings) -> SamNetwork | Sam2Network:  # noqa: ANN401
-    """Make a network that answers points of a model that is on its device."""
+    """Wrap a model that is on its device in a promptable network."""
     kind = SamNetwork if FORMS[settings.segmenter].backbone is None else Sam2Network
-    return kind(model=model, half=settings.precision == "bf16")
+    return kind(model=model, bf16=settings.precision == "bf16")

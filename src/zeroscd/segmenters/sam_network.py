@@ -1,4 +1,4 @@
-"""SAM and SAM 2 as networks that answer points, around transformers' classes."""
+"""SAM and SAM 2 as networks that predict masks for points, around transformers' classes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import torch
 from PIL import Image
 from torch.nn import functional
 
-from zeroscd.segmenters.decoder import decode, scene_of
+from zeroscd.segmenters.decoder import decode, image_tokens
+from zeroscd.weights.imagenet import normalise
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,51 +20,48 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from zeroscd.arrays import PointsXy, Rgb
-    from zeroscd.segmenters.decoder import Scene
+    from zeroscd.segmenters.decoder import ImageTokens
 
-# ImageNet's statistics; SAM writes them for 0..255.
-MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-
-# Points decoded together. On a processor more of them fall out of its cache (benchmarks/models.py);
-# elsewhere fewer would leave it idle.
-AT_ONCE_ON_CPU, AT_ONCE_ELSEWHERE = 2, 64
+# Points decoded in one pass. On a CPU more of them do not fit its cache (benchmarks/models.py); on
+# a graphics card fewer leave it idle.
+CPU_POINTS_PER_PASS, GPU_POINTS_PER_PASS = 2, 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamImageEmbedding:
-    """What a network remembers of a photo.
+    """A photo after the image encoder.
 
     Attributes:
-        scene: What its decoder needs.
+        tokens: Input of the mask decoder.
         photo_hw: Height and width of the photo.
-        seen_hw: Height and width that it has inside the network's square input.
+        resized_hw: Height and width of the photo within the network's square input.
     """
 
-    scene: Scene
+    tokens: ImageTokens
     photo_hw: tuple[int, int]
-    seen_hw: tuple[int, int]
+    resized_hw: tuple[int, int]
 
     @property
     def size_bytes(self) -> int:
-        """Memory that this takes, on whatever device."""
-        return self.scene.size_bytes
+        """Memory it takes, on whatever device."""
+        return self.tokens.size_bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:
-    """What both generations share: a loaded model, and how it computes.
+    """What SAM and SAM 2 share: a loaded model and its precision.
 
     Attributes:
         model: transformers' SamModel or Sam2Model, on its device.
-        half: Compute in bfloat16 where torch holds that safe.
+        bf16: Compute in bfloat16 where torch's autocast considers that safe.
     """
 
     model: Any
-    half: bool = False
+    bf16: bool = False
 
     @property
     def side_px(self) -> int:
-        """Side of the square that the network sees."""
+        """Side of the network's square input."""
         return int(self.model.config.prompt_encoder_config.image_size)
 
     @contextmanager
@@ -72,29 +70,29 @@ class Network:
         kind = self.model.device.type
         with (
             torch.inference_mode(),
-            torch.autocast(kind, dtype=torch.bfloat16, enabled=self.half),
+            torch.autocast(kind, dtype=torch.bfloat16, enabled=self.bf16),
         ):
             yield
 
     def predict(self, embedding: SamImageEmbedding, points_xy: PointsXy) -> tuple[Tensor, Tensor]:
-        """Answer points, each with three masks: (3 N, h, w) logits and (3 N,) scores.
+        """Predict three masks for each point: (3 N, h, w) logits and (3 N,) scores.
 
         Args:
-            embedding: Of the photo.
-            points_xy: (N, 2) in its pixels, counted from their edges.
+            embedding: The photo.
+            points_xy: (N, 2) in its pixels; pixel edges are whole numbers.
         """
-        scale = np.array(embedding.seen_hw[::-1]) / np.array(embedding.photo_hw[::-1])
+        scale = np.array(embedding.resized_hw[::-1]) / np.array(embedding.photo_hw[::-1])
         with self.computing():
-            answers = [
-                decode(self.model.mask_decoder, embedding.scene, few)
-                for few in torch.split(self._prompts(points_xy * scale), self._at_once)
+            predictions = [
+                decode(self.model.mask_decoder, embedding.tokens, prompts)
+                for prompts in torch.split(self._prompts(points_xy * scale), self._points_per_pass)
             ]
-        logits = torch.cat([answer[0].flatten(0, 1) for answer in answers])
-        scores = torch.cat([answer[1].flatten() for answer in answers])
-        return self._full(logits), self._full(scores)
+        logits = torch.cat([prediction[0].flatten(0, 1) for prediction in predictions])
+        scores = torch.cat([prediction[1].flatten() for prediction in predictions])
+        return self._fp32(logits), self._fp32(scores)
 
     def _prompts(self, points_xy: PointsXy) -> Tensor:
-        """Encode points of the network's square, (N, 2, dim) with the padding behind each."""
+        """Encode points in the network's square input, (N, 2, dim): each point and its padding."""
         points = torch.as_tensor(points_xy).to(self.model.device, self.model.dtype)
         labels = torch.ones(1, len(points), 1, dtype=torch.int, device=points.device)
         encoded: Tensor = self.model.prompt_encoder(
@@ -106,63 +104,64 @@ class Network:
         return encoded
 
     @property
-    def _at_once(self) -> int:
-        return AT_ONCE_ON_CPU if self.model.device.type == "cpu" else AT_ONCE_ELSEWHERE
+    def _points_per_pass(self) -> int:
+        return CPU_POINTS_PER_PASS if self.model.device.type == "cpu" else GPU_POINTS_PER_PASS
 
-    def _encoded(self, pixels: Tensor) -> Scene:
+    def _tokens(self, pixels: Tensor) -> ImageTokens:
         with self.computing():
             image = pixels[None].to(self.model.device, self.model.dtype)
-            return scene_of(self.model, self.model.get_image_embeddings(image))
+            return image_tokens(self.model, self.model.get_image_embeddings(image))
 
-    def _full(self, tensor: Tensor) -> Tensor:
-        return tensor.float() if self.half else tensor
+    def _fp32(self, tensor: Tensor) -> Tensor:
+        return tensor.float() if self.bf16 else tensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamNetwork(Network):
-    """SAM: the photo keeps its shape and is padded at the right or below (arXiv 2304.02643)."""
+    """SAM: the photo keeps its aspect ratio and is padded on the right or below (2304.02643)."""
 
     pred_iou_thresh: float = 0.88  # published default of its automatic mask generator
 
     def embed(self, photo: Rgb) -> SamImageEmbedding:
         """Run the image encoder."""
-        scene = self._encoded(sam_pixels(photo, self.side_px))
-        seen_hw = seen_size(photo.shape[:2], self.side_px)
-        return SamImageEmbedding(scene=scene, photo_hw=photo.shape[:2], seen_hw=seen_hw)
+        tokens = self._tokens(sam_pixels(photo, self.side_px))
+        resized_hw = resized_size(photo.shape[:2], self.side_px)
+        return SamImageEmbedding(tokens=tokens, photo_hw=photo.shape[:2], resized_hw=resized_hw)
 
     def upscale_masks(self, embedding: SamImageEmbedding, logits: Tensor) -> Tensor:
-        """Bring logits (M, h, w) to the size of the photo, by way of the network's square."""
+        """Bring logits (M, h, w) to the size of the photo, by way of the square input."""
         square = functional.interpolate(
             logits[:, None], (self.side_px, self.side_px), mode="bilinear"
         )
-        seen = square[..., : embedding.seen_hw[0], : embedding.seen_hw[1]]
-        if embedding.seen_hw == embedding.photo_hw:
-            return seen[:, 0]
-        return functional.interpolate(seen, embedding.photo_hw, mode="bilinear")[:, 0]
+        height, width = embedding.resized_hw
+        resized = square[..., :height, :width]
+        if embedding.resized_hw == embedding.photo_hw:
+            return resized[:, 0]
+        return functional.interpolate(resized, embedding.photo_hw, mode="bilinear")[:, 0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sam2Network(Network):
-    """SAM 2: the photo is squeezed into the square (arXiv 2408.00714)."""
+    """SAM 2: the photo is resized to the square, whatever its shape (arXiv 2408.00714)."""
 
     pred_iou_thresh: float = 0.8  # published default of its automatic mask generator
 
     def embed(self, photo: Rgb) -> SamImageEmbedding:
         """Run the image encoder."""
-        scene = self._encoded(sam2_pixels(photo, self.side_px))
+        tokens = self._tokens(sam2_pixels(photo, self.side_px))
         square = (self.side_px, self.side_px)
-        return SamImageEmbedding(scene=scene, photo_hw=photo.shape[:2], seen_hw=square)
+        return SamImageEmbedding(tokens=tokens, photo_hw=photo.shape[:2], resized_hw=square)
 
     def upscale_masks(self, embedding: SamImageEmbedding, logits: Tensor) -> Tensor:
         """Bring logits (M, h, w) to the size of the photo."""
         return functional.interpolate(logits[:, None], embedding.photo_hw, mode="bilinear")[:, 0]
 
 
-def seen_size(photo_hw: tuple[int, int], side_px: int) -> tuple[int, int]:
-    """Return the photo's size when its longer side is side_px.
+def resized_size(photo_hw: tuple[int, int], side_px: int) -> tuple[int, int]:
+    """Return the size of a photo whose longer side is brought to side_px.
 
     Example:
-        >>> seen_size((480, 640), 1024)
+        >>> resized_size((480, 640), 1024)
         (768, 1024)
     """
     scale = side_px / max(photo_hw)
@@ -171,19 +170,15 @@ def seen_size(photo_hw: tuple[int, int], side_px: int) -> tuple[int, int]:
 
 
 def sam_pixels(photo: Rgb, side_px: int) -> Tensor:
-    """Prepare a photo for SAM: longer side to side_px, normalised, padded with 0; (3, S, S)."""
-    height, width = seen_size(photo.shape[:2], side_px)
+    """Prepare a photo for SAM, (3, S, S): longer side to side_px, normalised, padded by 0."""
+    height, width = resized_size(photo.shape[:2], side_px)
     scaled = Image.fromarray(photo).resize((width, height), Image.Resampling.BILINEAR)
     values = torch.from_numpy(np.array(scaled)).permute(2, 0, 1) / 255
-    return functional.pad(_normalised(values), (0, side_px - width, 0, side_px - height))
+    return functional.pad(normalise(values), (0, side_px - width, 0, side_px - height))
 
 
 def sam2_pixels(photo: Rgb, side_px: int) -> Tensor:
-    """Prepare a photo for SAM 2: squeezed to the square with antialiasing, normalised."""
+    """Prepare a photo for SAM 2, (3, S, S): resize to the square with antialiasing, normalise."""
     values = torch.from_numpy(photo.copy()).permute(2, 0, 1)[None] / 255
     square = functional.interpolate(values, (side_px, side_px), mode="bilinear", antialias=True)
-    return _normalised(square[0])
-
-
-def _normalised(values: Tensor) -> Tensor:
-    return (values - torch.tensor(MEAN)[:, None, None]) / torch.tensor(STD)[:, None, None]
+    return normalise(square[0])

@@ -1,4 +1,4 @@
-"""Which of SAM's many masks are kept: good ones, whole ones, and each only once."""
+"""Which of SAM's masks are kept: stable ones, whole ones, each once."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import torch
 
+from zeroscd.images.components import small_components
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
@@ -15,18 +17,18 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask
     from zeroscd.segmenters.prompts import Crop
 
-EDGE_PX = 20.0  # a mask this near to a crop's edge is cut off by it (SAM's published value)
-SHORT = 2**15  # what a 16-bit number counts up to
-STABILITY_OFFSET = 1.0  # how much higher and lower a mask is cut, in logits (SAM)
+EDGE_PX = 20.0  # a mask this near to the edge of a crop is cut off by it (SAM's value)
+MAX_INT16_COUNT = 2**15
+STABILITY_OFFSET = 1.0  # of the two thresholds, in logits (SAM's value)
 
 
 def stability_score(logits: Tensor) -> Tensor:
-    """Return how little each mask changes when it is cut a little higher or lower, (M,) 0..1.
+    """Return the IoU of each mask at a higher and at a lower threshold, (M,) 0..1.
 
-    The IoU of both cuts; one lies inside the other. A mask that is empty at the lower cut gets 0.
+    One contains the other. A mask that is empty at the lower threshold gets 0.
 
     Args:
-        logits: (M, H, W); above 0 is inside.
+        logits: (M, H, W).
 
     Source: arXiv 2304.02643, appendix B.
     """
@@ -35,20 +37,20 @@ def stability_score(logits: Tensor) -> Tensor:
 
 
 def _count(masks: Tensor) -> Tensor:
-    """Count pixels, (M, H, W) to (M,); torch's one-step count takes eight times as long."""
-    short = torch.int16 if masks.shape[2] < SHORT else torch.int32
+    """Count pixels, (M, H, W) to (M,); one sum over both axes takes eight times as long."""
+    short = torch.int16 if masks.shape[2] < MAX_INT16_COUNT else torch.int32
     return masks.sum(dim=2, dtype=short).sum(dim=1, dtype=torch.int32)
 
 
 def box_nms(
     boxes_xyxy: NDArray[np.float64], scores: NDArray[np.float64], *, overlap: float
 ) -> list[int]:
-    """Keep the best of boxes that overlap much: greedy non-maximum suppression.
+    """Greedy non-maximum suppression of boxes.
 
     Args:
-        boxes_xyxy: (N, 4) left, top, right, bottom, as points without a size.
+        boxes_xyxy: (N, 4) left, top, right, bottom; width = right - left.
         scores: (N,) the higher of two is kept; of equal ones the earlier.
-        overlap: IoU above which two boxes show one thing.
+        overlap: Of two boxes with a higher IoU the lower score is dropped.
 
     Returns:
         Indices of the kept boxes, by falling score.
@@ -63,7 +65,7 @@ def box_nms(
         wide = np.minimum(right[best], right[rest]) - np.maximum(left[best], left[rest])
         high = np.minimum(bottom[best], bottom[rest]) - np.maximum(top[best], top[rest])
         shared = wide.clip(min=0) * high.clip(min=0)
-        # Cross-multiplied: boxes without area (one pixel) overlap nothing and divide by nothing.
+        # Multiplied out: boxes without area (one pixel wide) overlap nothing.
         rest = rest[shared <= overlap * (areas[best] + areas[rest] - shared)]
     return kept
 
@@ -71,7 +73,7 @@ def box_nms(
 def is_near_crop_edge(
     box_xyxy: tuple[int, int, int, int], crop: Crop, photo_hw: tuple[int, int]
 ) -> bool:
-    """Tell whether a mask reaches an edge of its crop that is not an edge of the photo.
+    """Tell whether a mask reaches an edge of its crop that is no edge of the photo.
 
     Args:
         box_xyxy: Left, top and the last column and row of the mask, in pixels of the photo.
@@ -92,18 +94,11 @@ def remove_small_regions(mask: Mask, *, min_area_px: int) -> Mask:
         mask: (H, W); unchanged.
         min_area_px: Pixels that a hole or island must have to stay; neighbours touch at corners.
     """
-    filled = mask | _components_below(~mask, min_area_px)
-    small = _components_below(filled, min_area_px)
+    filled = mask | small_components(~mask, min_area_px=min_area_px)
+    small = small_components(filled, min_area_px=min_area_px)
     if small.any() and not (filled & ~small).any():
         small &= ~_largest(filled)
     return filled & ~small
-
-
-def _components_below(mask: Mask, min_area_px: int) -> Mask:
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] < min_area_px
-    small[0] = False  # label 0 is what the mask leaves out
-    return np.asarray(small[labels])
 
 
 def _largest(mask: Mask) -> Mask:

@@ -1,4 +1,4 @@
-"""Import the transformers package, or say in one line why that cannot be."""
+"""Import the transformers package, or explain in one line why that fails."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def import_transformers() -> ModuleType:
     """Import transformers.
 
     Raises:
-        SettingsError: It is not installed, or an installed torchvision that cannot be imported
-            stands in its way (torchvision built for another torch does that).
+        SettingsError: It is not installed, or an installed torchvision breaks it (one that was
+            built for another torch).
     """
     require_installed()
     if find_spec("torchvision") is not None:

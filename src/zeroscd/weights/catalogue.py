@@ -1,4 +1,4 @@
-"""Which weight files zeroscd knows: where they come from and how to tell the right one."""
+"""The weight files that zeroscd knows: source, digest, licence."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ class WeightFile:
     """One published file of weights.
 
     Attributes:
-        name: The name by which commands and settings ask for it.
-        kind: What it is for.
-        file: The publisher's file name, kept as it is.
-        address: Where it can be downloaded without an account; None = not at all.
-        page: Where a person finds it, or reads why it cannot be had.
+        name: Its name in commands and settings.
+        kind: Encoder or segmenter.
+        file: The publisher's file name.
+        address: URL that needs no account; None = there is none.
+        page: Web page about it.
         hub: The same model on the Hugging Face hub, for reference; None = not there.
-        sha256: Hexadecimal digest; shorter where only its beginning is published, "" where none is.
+        sha256: Hexadecimal digest; only its beginning where no more is published, "" where none.
         size_bytes: Length of the file; None = not published.
         licence: Of the weights.
         paper: Where the model is described.
-        note: What a user must know before choosing it; one sentence or nothing.
+        note: What a user must know before choosing it, in a sentence; may be empty.
     """
 
     name: str
@@ -42,12 +42,12 @@ class WeightFile:
 
     @property
     def fetchable(self) -> bool:
-        """There is an address, and a digest to check what comes from it."""
+        """It has an address, and a full digest to check the download."""
         return self.address is not None and len(self.sha256) == FULL_SHA256
 
     @property
     def fetch_command(self) -> str:
-        """What a user types to get it."""
+        """The command that gets it."""
         how = "" if self.fetchable else f" --from {self.file}"
         return f"zeroscd models fetch {self.name}{how}"
 

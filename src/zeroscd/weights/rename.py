@@ -1,4 +1,4 @@
-"""Carry a checkpoint from its publisher's names to the names of another code's network."""
+"""Rename the tensors of a checkpoint to the names of another implementation."""
 
 from __future__ import annotations
 
@@ -18,12 +18,10 @@ Rules: TypeAlias = (
 
 
 def renamed(tensors: Mapping[str, Tensor], rules: Rules, *, source: str) -> dict[str, Tensor]:
-    r"""Rename tensors by regular expressions, each applied in turn to the result of the last.
-
-    A name that no rule touches stays as it is.
+    r"""Rename tensors by regular expressions, each applied to the result of the one before.
 
     Raises:
-        WeightsError: Two tensors would get one name.
+        WeightsError: Two tensors would get the same name.
 
     Example:
         >>> sorted(renamed({"a.x": 1, "b": 2}, [(r"^a\.", "c."), (r"^b$", None)], source="demo"))
@@ -54,12 +52,12 @@ def _new_name(name: str, rules: Rules) -> str | None:
 def split_in_three(
     tensors: Mapping[str, Tensor], *, joint: str, parts: tuple[str, str, str]
 ) -> dict[str, Tensor]:
-    """Cut joint query-key-value tensors into three, along their first axis.
+    """Split joint query-key-value tensors into three, along their first axis.
 
     Args:
         tensors: By name.
         joint: The part of a name that marks a joint tensor, as ".qkv.".
-        parts: What stands in its place in the three new names.
+        parts: Its replacements in the three new names.
     """
     result: dict[str, Tensor] = {}
     for name, tensor in tensors.items():

@@ -1,4 +1,4 @@
-"""Read tensors from a weight file without running anything that it might carry."""
+"""Read tensors from a weight file without executing anything in it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-# What reading may raise on files that are cut short, altered or something else.
+# What torch may raise on files that are truncated, altered or something else.
 DAMAGED = (
     RuntimeError,
     EOFError,
@@ -33,8 +33,8 @@ DAMAGED = (
 )
 WRAPPERS = ("model_state_dict", "state_dict", "model")  # where training scripts put the tensors
 
-# Training scripts save their best scores beside the weights, often as NumPy numbers. Rebuilding
-# those runs nothing of the file's own; NumPy 1 and 2 call the same functions by two names.
+# Training scripts save their best scores beside the weights, often as NumPy numbers, which are safe
+# to unpickle; NumPy 1 and 2 have two names for the same functions.
 _SCALAR, _RECONSTRUCT = np.float64(0).__reduce__()[0], np.zeros(0).__reduce__()[0]
 _NUMPY: list[Any] = [
     np.ndarray,
@@ -48,7 +48,7 @@ _NUMPY: list[Any] = [
 def read_tensors(path: Path) -> dict[str, Tensor]:
     """Read the named tensors of a checkpoint: safetensors, or a PyTorch file of data only.
 
-    A dictionary around the tensors (`model_state_dict`, `state_dict`, `model`) is taken off.
+    A dictionary around the tensors (`model_state_dict`, `state_dict`, `model`) is unwrapped.
 
     Raises:
         WeightsError: The file is damaged, carries anything but data, or holds no named tensors.
@@ -64,7 +64,7 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
 
 
 def _is_safetensors(path: Path) -> bool:
-    """Tell by content: eight bytes of length, then JSON."""
+    """Recognise the format by content: eight bytes of length, then JSON."""
     with path.open("rb") as source:
         return source.read(9)[8:] == b"{"
 

@@ -1,4 +1,4 @@
-"""Where weight files live on this computer, and which of them are there."""
+"""Where weight files are on this computer, and which of them are present."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ HOME_VARIABLE = "ZEROSCD_HOME"
 
 
 def weights_folder() -> Path:
-    """Return the folder of weight files, whether it exists or not.
+    """Return the folder of weight files, which need not exist.
 
-    It is `weights` in the folder that ZEROSCD_HOME names, else in the user's cache folder by the
-    convention of the operating system.
+    It is `weights` in the folder that ZEROSCD_HOME names, else in the user's cache folder.
 
     Raises:
         WeightsError: The variable names no folder.
@@ -45,8 +44,7 @@ def path_of(row: WeightFile) -> Path:
 def is_present(row: WeightFile) -> bool:
     """Tell whether the file is there with its published length; its digest is not computed.
 
-    Only whole and verified files ever get their final name, so a glance is enough here;
-    `zeroscd models verify` looks closely.
+    Only verified files get their final name; `zeroscd models verify` computes digests again.
     """
     path = path_of(row)
     return path.is_file() and row.size_bytes in (None, path.stat().st_size)
@@ -56,7 +54,7 @@ def require(names: Iterable[str]) -> dict[str, Path]:
     """Return the paths of weight files that must be there.
 
     Raises:
-        WeightsError: Some are missing; the one line names every command that fetches them.
+        WeightsError: Some are missing; the message names every command that fetches them.
     """
     rows = [find(name) for name in names]
     missing = [row for row in rows if not is_present(row)]

@@ -1,4 +1,4 @@
-"""Is this file the one that was published?"""
+"""Check a file against its published length and digest."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def digest_of(path: Path) -> str:
 
 
 def fault_of(path: Path, row: WeightFile) -> str | None:
-    """Say what is wrong with a file, as far as its row publishes length and digest.
+    """Return what is wrong with a file, by its published length and digest.
 
     Returns:
         Words that continue the file's name ("has 7 bytes, expected 9"), or None for a good file.

@@ -1,4 +1,4 @@
-"""Put a file in its place only when it is whole: write aside, verify, move."""
+"""The partial file beside a weight file: one writer at a time, and only while there is room."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # no room, no quota, no file this long
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # no room, no quota, no file this long
 
 
 @contextmanager
-def sole_writer(target: Path) -> Iterator[Path]:
-    """Wait until no other process writes this file, then hand out where to write it.
+def locked_part_file(target: Path) -> Iterator[Path]:
+    """Wait until no other process writes this file, then lock it.
 
     Yields:
-        The partial file beside the target; what an earlier try left may lie there. Nothing but
-        the caller moves it to its final name. Several processes take turns.
+        The partial file beside the target, maybe with what an earlier attempt left. The caller
+        moves it to its final name.
 
     Raises:
         WeightsError: The folder cannot be written.
@@ -42,8 +42,8 @@ def sole_writer(target: Path) -> Iterator[Path]:
         lock.release()
 
 
-def check_room(folder: Path, needed_bytes: int) -> None:
-    """Refuse to begin what cannot end.
+def check_free_space(folder: Path, needed_bytes: int) -> None:
+    """Check for enough free space before a download begins.
 
     Raises:
         WeightsError: The disk has less room than needed.
@@ -57,13 +57,13 @@ def check_room(folder: Path, needed_bytes: int) -> None:
         raise WeightsError(message)
 
 
-def fill(part: Path, chunks: Iterable[bytes], *, afresh: bool) -> None:
-    """Write chunks to the partial file; when the disk is full, give its room back.
+def write_chunks(part: Path, chunks: Iterable[bytes], *, afresh: bool) -> None:
+    """Write chunks to the partial file, which is deleted if the disk is full.
 
     Args:
         part: The partial file.
-        chunks: What to write; errors of their own pass through.
-        afresh: Begin with an empty file instead of going on where it ends.
+        chunks: What to write; errors in making them pass through.
+        afresh: Start over instead of appending.
 
     Raises:
         WeightsError: A chunk could not be written.
@@ -73,7 +73,7 @@ def fill(part: Path, chunks: Iterable[bytes], *, afresh: bool) -> None:
             for chunk in chunks:
                 sink.write(chunk)
     except OSError as why:
-        if why.errno in FULL:
+        if why.errno in DISK_FULL:
             part.unlink(missing_ok=True)
         raise WeightsError(_cannot_write(part.parent, why)) from why
 
