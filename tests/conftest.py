@@ -123,8 +123,8 @@ class ScriptedStudy:
     photo: Rgb
     size_bytes: int = 0
 
-    def segments(self, where: Mask | None) -> Segments:
-        self.segmenter.asked.append(where)
+    def segments(self, roi: Mask | None) -> Segments:
+        self.segmenter.asked.append(roi)
         masks = self.segmenter.script[self.photo.tobytes()]
         outlines = (Segment.from_mask(mask) for mask in masks)
         found = tuple(outline for outline in outlines if outline is not None)
@@ -151,8 +151,8 @@ class SizeStudy:
     size_hw: tuple[int, int]
     size_bytes: int = 0
 
-    def segments(self, where: Mask | None) -> Segments:
-        return Segments(size_hw=self.size_hw, items=self.outlines_of(self.size_hw, where))
+    def segments(self, roi: Mask | None) -> Segments:
+        return Segments(size_hw=self.size_hw, items=self.outlines_of(self.size_hw, roi))
 
 
 @pytest.fixture(scope="session")

@@ -74,8 +74,8 @@ class IslandStudy:
     size_hw: tuple[int, int]
     size_bytes: int = 0
 
-    def segments(self, where: Mask | None) -> Segments:
-        mask = np.ones(self.size_hw, bool) if where is None else where
+    def segments(self, roi: Mask | None) -> Segments:
+        mask = np.ones(self.size_hw, bool) if roi is None else roi
         count, labels = cv2.connectedComponents(mask.astype(np.uint8))
         found = (Segment.from_mask(labels == number) for number in range(1, count))
         return Segments(size_hw=self.size_hw, items=tuple(one for one in found if one))

@@ -12,7 +12,7 @@ from zeroscd.images.components import small_components
 @given(st.integers(0, 10**6), st.integers(1, 30))
 def test_every_pixel_of_a_component_below_the_area_is_marked(seed: int, min_area_px: int) -> None:
     mask = np.random.default_rng(seed).random((24, 30)) < 0.4
-    labels = label(mask, connectivity=2)
+    labels = label(mask, connectivity=2)  # type: ignore[no-untyped-call]
     expected = np.zeros_like(mask)
     for number in range(1, labels.max() + 1):
         component = labels == number
