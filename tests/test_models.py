@@ -12,7 +12,6 @@ import pytest
 from PIL import Image
 
 from zeroscd import models
-from zeroscd.device import pick_device, pick_precision
 from zeroscd.errors import SettingsError, WeightsError
 from zeroscd.models import ENCODERS, SEGMENTERS, check_models, load_models
 from zeroscd.settings import PRESETS, Settings
@@ -151,36 +150,6 @@ def test_both_models_get_the_settings_with_precision_decided(
 def test_an_unknown_model_lists_the_known_ones(kind: str, value: str) -> None:
     with pytest.raises(SettingsError, match=rf"unknown {kind} '{value}'; choose one of: lite, "):
         load_models(Settings().override({kind: value}), device="cpu")
-
-
-def test_an_unknown_device_is_refused() -> None:
-    with pytest.raises(SettingsError, match="unknown device 'tpu'; choose one of: auto, cpu, cuda"):
-        pick_device("tpu")
-
-
-@pytest.mark.parametrize(("there", "expected"), [(True, "cuda"), (False, "cpu")])
-def test_auto_takes_the_graphics_card_if_there_is_one(
-    expected: str, monkeypatch: pytest.MonkeyPatch, *, there: bool
-) -> None:
-    monkeypatch.setattr("torch.cuda.is_available", lambda: there)
-    assert pick_device("auto") == expected
-    assert pick_device("cpu") == "cpu"
-    if there:
-        assert pick_device("cuda") == "cuda"
-    else:
-        with pytest.raises(SettingsError, match="use --device cpu"):
-            pick_device("cuda")
-
-
-def test_precision_follows_the_device_unless_someone_decides(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    assert pick_precision("auto", device="cpu") == "fp32"
-    assert pick_precision("bf16", device="cpu") == "bf16"
-    monkeypatch.setattr("torch.cuda.is_bf16_supported", lambda: True)
-    assert pick_precision("auto", device="cuda") == "bf16"
-    monkeypatch.setattr("torch.cuda.is_bf16_supported", lambda: False)
-    assert pick_precision("auto", device="cuda") == "fp32"
 
 
 def test_a_file_of_the_right_length_and_wrong_content_is_an_error_of_one_line(folder: Path) -> None:

@@ -2,7 +2,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import inspect
 import json
+import pickle
+import re
 from typing import Any
 
 import pytest
@@ -14,14 +17,19 @@ from zeroscd.settings import (
     PAPER_RULES,
     PRESETS,
     RANGES,
+    THRESHOLDS,
     AlignSettings,
     ChangeSettings,
     RefineSettings,
     SegmentSettings,
     Settings,
+    evidence_settings,
+    is_threshold,
     leaf_names,
+    leaf_values,
     preset,
 )
+from zeroscd.settings.names import OLD_NAMES
 
 BRANCHES = (AlignSettings, ChangeSettings, SegmentSettings, RefineSettings)
 
@@ -72,7 +80,10 @@ def test_later_overrides_win() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("thau", "0.6", "unknown setting 'thau'; known: rules, encoder"),
+        ("tua", "0.6", "unknown setting 'tua'; did you mean tau? (`zeroscd settings` lists them"),
+        ("Beta", "0.6", "unknown setting 'Beta'; did you mean beta?"),
+        ("colour", "red", "unknown setting 'colour'; `zeroscd settings` lists them all"),
+        ("t" * 1000, 1, f"unknown setting '{'t' * 79}...; `zeroscd settings` lists them all"),
         ("align", "mutual", "unknown setting 'align'"),
         ("verify", "maybe", "choose one of: overlap, iou, off"),
         ("matching", "", "choose one of: argmax, mutual"),
@@ -137,12 +148,20 @@ def test_the_papers_rules_undo_what_a_preset_does_differently(name: str) -> None
     assert {f.name for f in dataclasses.fields(RefineSettings)} <= set(PAPER_RULES)
 
 
+def test_what_only_weighs_evidence_is_a_threshold_and_nothing_else() -> None:
+    refining = {f.name for f in dataclasses.fields(RefineSettings)}
+    fitting = {"tau", "threshold", "background_quantile", "tau_share"}
+    assert refining | fitting | {"frame"} == THRESHOLDS
+    assert is_threshold("beta")
+    assert not is_threshold("side_px")
+
+
 def test_every_number_has_its_range_and_every_preset_keeps_to_it() -> None:
     numbers = {
         f.name
         for part in (Settings, *BRANCHES)
         for f in dataclasses.fields(part)
-        if str(f.type).split(" ")[0] in ("int", "float")
+        if type(f.default) in (int, float) or f.name in ("tau", "layer", "pred_iou_thresh")
     }
     assert set(RANGES) == numbers
     for settings in (Settings(), *PRESETS.values()):
@@ -184,10 +203,71 @@ def test_a_preset_survives_its_own_values_as_typed_text(name: str) -> None:
 
 
 def test_an_unknown_preset_is_one_line_that_names_the_known() -> None:
-    with pytest.raises(SettingsError, match="unknown preset 'ligth'; choose one of: lite"):
+    with pytest.raises(
+        SettingsError,
+        match=re.escape("unknown preset 'ligth'; did you mean lite? (choose one of: lite"),
+    ):
         preset("ligth")
 
 
 def test_settings_cannot_be_edited() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         Settings().frame = "t0"  # type: ignore[misc]
+
+
+def test_evidence_settings_forget_the_thresholds_and_nothing_else() -> None:
+    lite = PRESETS["lite"]
+    plain, own = leaf_values(Settings()), leaf_values(lite)
+    expected = {name: (plain if name in THRESHOLDS else own)[name] for name in own}
+    assert leaf_values(evidence_settings(lite)) == expected == flat(evidence_settings(lite))
+    assert evidence_settings(lite) != lite
+
+
+def test_help_says_of_every_setting_what_it_may_be_what_it_is_and_what_it_does() -> None:
+    lines = str(inspect.getdoc(Settings)).splitlines()
+    shown = {line.split()[0] for line in lines if line.startswith("    ") and line.split()}
+    assert shown == {*flat(Settings()), "align:", "change:", "segment:", "refine:"}
+    alpha = "alpha (0 to 1; default 0.8; paper 0.8; threshold): share of coarse change above which"
+    for described in (Settings, RefineSettings):
+        assert any(
+            line.strip().startswith(alpha) for line in str(inspect.getdoc(described)).splitlines()
+        )
+    assert any("layer (1 to 1000 or none; default none): block" in line for line in lines)
+    assert any("verify (overlap, iou or off; default iou; paper overlap" in line for line in lines)
+    assert any("0 to 0.5 of the photo's shorter side" in line for line in lines)
+
+
+@pytest.mark.parametrize(("old", "new"), OLD_NAMES.items())
+def test_an_old_name_works_and_warns_with_the_new_one(old: str, new: str) -> None:
+    segmenting = new in {f.name for f in dataclasses.fields(SegmentSettings)}
+    holder: Any = SegmentSettings if segmenting else RefineSettings
+    message = f"{old} is now {new}; the old name will be gone in zeroscd 0.3"
+    with pytest.warns(DeprecationWarning, match=f"setting {message}") as warned:
+        changed = Settings().override({old: "1"})
+    assert warned[0].filename == __file__
+    assert flat(changed) == {**flat(Settings()), new: 1}
+    with pytest.warns(DeprecationWarning, match=message) as warned:
+        built = holder(**{old: 1})
+    assert warned[0].filename == __file__
+    assert built == holder(**{new: 1})
+    with pytest.warns(DeprecationWarning, match=message) as warned:
+        assert getattr(built, old) == 1
+    assert warned[0].filename == __file__
+    with pytest.warns(DeprecationWarning, match=message):
+        assert is_threshold(old) == (holder is RefineSettings)
+
+
+def test_old_names_stand_for_settings_that_exist_and_are_none_themselves() -> None:
+    assert set(OLD_NAMES.values()) <= set(leaf_names())
+    assert not set(OLD_NAMES) & set(leaf_names())
+
+
+def test_a_field_is_not_given_by_both_of_its_names() -> None:
+    with pytest.raises(TypeError, match="min_width are one field; give it once"):
+        RefineSettings(least_width=0.1, min_width=0.2)  # type: ignore[call-arg]
+
+
+def test_settings_survive_pickling_and_replacing() -> None:
+    for settings in PRESETS.values():
+        assert pickle.loads(pickle.dumps(settings)) == settings  # noqa: S301 - our own
+        assert dataclasses.replace(settings.refine, beta=0.1).beta == 0.1

@@ -38,7 +38,7 @@ class Plan:
     Attributes:
         preset: Named settings to start from.
         overrides: Settings that differ from the preset's, by name.
-        device: "auto", "cpu" or "cuda".
+        device: "auto", "cpu", "cuda" or "mps".
         size_wh: Width and height that the sample photos are brought to, in pixels.
         runs: Timed comparisons after the first one, which warms up and is told apart.
     """

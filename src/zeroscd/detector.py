@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import warnings
 from typing import TYPE_CHECKING
 
 from zeroscd.alignment.align import align
@@ -14,6 +13,7 @@ from zeroscd.images.read import read_photo
 from zeroscd.models import Models, load_models
 from zeroscd.records import NotAligned
 from zeroscd.refine.regions import find_regions
+from zeroscd.renamed import warn_renamed
 from zeroscd.result import ChangeResult
 from zeroscd.settings import preset as settings_of
 from zeroscd.settings import require_same_evidence
@@ -52,7 +52,7 @@ def detect(
         before: The t0 photo: a path, bytes, a PIL image or an (H, W, 3) uint8 RGB array.
         after: The t1 photo.
         preset: Name of a bundle of models and settings (`zeroscd.PRESETS`).
-        device: "auto", "cpu" or "cuda".
+        device: "auto", "cpu", "cuda" or "mps".
         settings: Settings that differ from the preset's, by name: `tau=0.9`, `frame="t0"`.
 
     Raises:
@@ -210,8 +210,8 @@ class Detector:
         )
 
     def look(self, photos: Sequence[PhotoSource]) -> list[EncodedPhoto]:
-        """Encode photos; the name until 0.1, which 0.3 will not know any more."""
-        warnings.warn("Detector.look is now Detector.encode", DeprecationWarning, stacklevel=2)
+        """Encode photos, by the old name of `encode`."""
+        warn_renamed("Detector.look", "Detector.encode")
         return self.encode(photos)
 
 

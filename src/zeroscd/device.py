@@ -3,45 +3,49 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 from zeroscd.errors import SettingsError
+from zeroscd.text import unknown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+Device = Literal["auto", "cpu", "cuda", "mps"]  # mps: Apple's; nobody here has run it
+DEVICES: tuple[Device, ...] = get_args(Device)
+
 
 def pick_device(name: str) -> str:
-    """Turn "auto", "cpu" or "cuda" into the device that torch shall use.
+    """Turn a name of `DEVICES` into the device that torch shall use; "auto" prefers cuda, then mps.
 
     Raises:
         SettingsError: An unknown device, or one that this machine does not have.
     """
-    if name not in ("auto", "cpu", "cuda"):
-        message = f"unknown device {name!r}; choose one of: auto, cpu, cuda"
-        raise SettingsError(message)
+    if name not in DEVICES:
+        raise SettingsError(unknown("device", name, DEVICES))
     if name == "cpu":
         return name
     import torch  # noqa: PLC0415 - seconds to import, not needed to refuse a name
 
-    if torch.cuda.is_available():
-        return "cuda"
-    if name == "cuda":
-        message = "device cuda is not available on this machine; use --device cpu"
+    present = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    if name == "auto":
+        return next((device for device, here in present.items() if here), "cpu")
+    if not present[name]:
+        message = f"device {name} is not available on this machine; use --device cpu"
         raise SettingsError(message)
-    return "cpu"
+    return name
 
 
 def pick_precision(name: str, *, device: str) -> str:
     """Turn "auto" into the precision that transformers compute in: "fp32" or "bf16".
 
-    Graphics cards that know bfloat16 use it: published runs of SAM lose nothing by it (docs/
-    models.md). Processors stay with single precision, the same numbers on every machine, until
-    someone asks for bf16; with AMX it doubles the speed.
+    CUDA cards that know bfloat16 use it: published runs of SAM lose nothing by it (docs/models.md).
+    Processors stay with single precision, the same numbers on every machine, until someone asks for
+    bf16; with AMX it doubles the speed. So does mps, where nobody has tried bfloat16.
     """
     if name != "auto":
         return name
-    if device == "cpu":
+    if device != "cuda":
         return "fp32"
     import torch  # noqa: PLC0415 - loaded already when the device is not the processor
 

@@ -10,7 +10,7 @@ The tree::
     |-- OutputError         a result could not be written
 
 What science expects to fail (two photos that cannot be aligned) is not here: that is a value,
-:class:`zeroscd.result.NotAligned`.
+:class:`zeroscd.NotAligned`.
 """
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.device import pick_device, pick_precision
 from zeroscd.errors import SettingsError
+from zeroscd.text import unknown
 from zeroscd.weights.backend import require_installed
 from zeroscd.weights.store import require
 
@@ -99,8 +100,7 @@ def load_encoder(settings: Settings, *, device: str = "auto") -> PatchEncoder:
 
 def _recipe(table: dict[str, Recipe], kind: str, name: str) -> Recipe:
     if name not in table:
-        message = f"unknown {kind} {name!r}; choose one of: {', '.join(table)}"
-        raise SettingsError(message)
+        raise SettingsError(unknown(kind, name, table))
     return table[name]
 
 

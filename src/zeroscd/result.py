@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from zeroscd.export.files import save_result
 from zeroscd.records import Changes
+from zeroscd.renamed import moved_names
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,3 +26,15 @@ class ChangeResult(Changes):
             OutputError: The folder cannot be written.
         """
         save_result(self, folder)
+
+
+if not TYPE_CHECKING:  # or mypy would believe that every name exists
+    __getattr__ = moved_names(
+        __name__,
+        {
+            "Alignment": "zeroscd.records.Alignment",
+            "NotAligned": "zeroscd.records.NotAligned",
+            "Photo": "zeroscd.images.photo.Photo",
+            "Region": "zeroscd.records.Region",
+        },
+    )

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import io
+import warnings
 from typing import TYPE_CHECKING
 
 import pytest
 
-from zeroscd.cli.console import busy, fail, one_line, say, warn
+from zeroscd.cli.console import busy, fail, old_names_shown, one_line, say, warn
+from zeroscd.renamed import warn_renamed
 
 if TYPE_CHECKING:
     from typing import Never
@@ -18,6 +20,16 @@ def test_results_go_to_stdout_and_the_rest_to_stderr(capsys: pytest.CaptureFixtu
     captured = capsys.readouterr()
     assert captured.out == "found\n"
     assert captured.err == "warning: careful\nerror: broken\n"
+
+
+def test_an_old_name_is_one_line_and_other_warnings_stay_as_they_are(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.warns(UserWarning, match="something else"), old_names_shown():  # noqa: PT031
+        warn_renamed("old", "new")
+        warnings.warn("something else", UserWarning, stacklevel=1)
+    told = "warning: old is now new; the old name will be gone in zeroscd 0.3\n"
+    assert capsys.readouterr().err == told
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,17 @@ def test_options_reach_the_detector(command: list[str], toy_detector: Toy) -> No
     assert toy_detector.requests == [("lite", "cpu", {"tau": "0.6", "frame": "t0"})]
 
 
+def test_the_old_name_of_a_setting_works_with_one_warning(
+    command: list[str], toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--set", "least_peak=0.5", "--set", "least_peak=0.6"]) == 0
+    assert toy_detector.requests == [("lite", "auto", {"min_peak": "0.6"})]
+    about_names = [line for line in capsys.readouterr().err.splitlines() if "is now" in line]
+    assert about_names == [
+        "warning: setting least_peak is now min_peak; the old name will be gone in zeroscd 0.3"
+    ]
+
+
 def test_without_options_the_preset_decides(command: list[str], toy_detector: Toy) -> None:
     assert run(command) == 0
     assert toy_detector.requests == [("lite", "auto", {})]

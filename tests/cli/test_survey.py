@@ -48,7 +48,7 @@ def command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
 def test_a_survey_says_what_it_found_and_where_the_report_is(
     command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run([*command, "--least-score", "0.1", "--write", "none"]) == 0
+    assert run([*command, "--min-score", "0.1", "--write", "none"]) == 0
     captured = capsys.readouterr()
     assert captured.out.splitlines() == [
         "1 of 2 new photos have an old one of the same place",
@@ -60,6 +60,15 @@ def test_a_survey_says_what_it_found_and_where_the_report_is(
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {
         "changes.parquet", "pairs.parquet", "changes.geojson", "coco.json", "report.html"
     }  # fmt: skip
+
+
+def test_the_old_name_of_min_score_works_with_a_warning(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--least-score", "1", "--write", "none"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.startswith("warning: --least-score is now --min-score; ")
+    assert "of the 1 needed" in captured.err
 
 
 @pytest.mark.parametrize(

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
+from zeroscd.renamed import RenamedWarning
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
 
 def say(text: str) -> None:
@@ -37,6 +40,37 @@ def busy(text: str) -> Iterator[None]:
         return
     with console.status(text):
         yield
+
+
+@contextmanager
+def old_names_shown() -> Iterator[None]:
+    """Print one `warning:` line for each old name used, where Python would print nothing."""
+    told: set[str] = set()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", RenamedWarning)
+        python_shows: Callable[..., None] = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: object) -> None:
+            if not issubclass(category, RenamedWarning):
+                python_shows(message, category, *where)
+            elif str(message) not in told:
+                told.add(str(message))
+                warn(str(message))
+
+        warnings.showwarning = cast("Any", show)
+        yield
+
+
+def columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return a line for each row, its cells below each other.
+
+    Example:
+        >>> columns([("name", "MB"), ("sam-vit-b", "375")])
+        ['name       MB', 'sam-vit-b  375']
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ("  ".join(map(str.ljust, cells, widths)) for cells in rows)
+    return [line.rstrip() for line in lines]
 
 
 def one_line(text: str) -> str:

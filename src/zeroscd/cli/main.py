@@ -14,11 +14,12 @@ from zeroscd.cli import INTERRUPTED, index, models
 from zeroscd.cli.ablate import ablate
 from zeroscd.cli.batch import batch
 from zeroscd.cli.bench import bench
-from zeroscd.cli.console import fail
+from zeroscd.cli.console import fail, old_names_shown
 from zeroscd.cli.demo import demo
 from zeroscd.cli.detect import detect
 from zeroscd.cli.evaluate import evaluate
 from zeroscd.cli.serve import serve
+from zeroscd.cli.settings import settings
 from zeroscd.cli.survey import survey
 from zeroscd.errors import ZeroscdError
 
@@ -43,6 +44,7 @@ app.command()(evaluate)
 app.command()(ablate)
 app.command()(bench)
 app.command()(serve)
+app.command()(settings)
 app.add_typer(index.app, name="index")
 app.add_typer(models.app, name="models")
 
@@ -73,7 +75,8 @@ def run(arguments: Sequence[str]) -> int:
         fail(f"the argument after `{where}` is empty; is a variable of the shell not set?")
         return USER_ERROR
     try:
-        code = app(args=list(arguments), prog_name="zeroscd", standalone_mode=False)
+        with old_names_shown():
+            code = app(args=list(arguments), prog_name="zeroscd", standalone_mode=False)
     except ZeroscdError as error:
         fail(str(error))
         return USER_ERROR

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.console import warn
+from zeroscd.cli.console import columns, warn
 from zeroscd.errors import WeightsError
 from zeroscd.weights.catalogue import CATALOGUE, find
 from zeroscd.weights.fetch import fetch, import_file
@@ -32,11 +32,8 @@ COLUMNS = ("name", "for", "MB", "licence", "here", "note")
 @app.command("list")
 def list_models() -> None:
     """List the weights that zeroscd knows, and whether they are on this computer."""
-    table = [COLUMNS, *(_cells(row) for row in CATALOGUE.values())]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    for cells in table:
-        line = "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
-        typer.echo(line.rstrip())
+    for line in columns([COLUMNS, *(_cells(row) for row in CATALOGUE.values())]):
+        typer.echo(line)
     typer.echo(f"\nfolder: {weights_folder()}")
 
 

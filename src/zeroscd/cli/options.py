@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
+from zeroscd import device
 from zeroscd.errors import SettingsError
+from zeroscd.settings.names import current_name
 
 Preset = Annotated[str, typer.Option(help="Named settings to start from.")]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change one of `zeroscd settings`; may be repeated."
+    ),
 ]
-Device = Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where the networks run.")]
+Device = Annotated[
+    device.Device, typer.Option(help="Where the networks run; mps (Apple) has not been tried yet.")
+]
 OutFolder = Annotated[
     Path, typer.Option("--out", "-o", metavar="OUT", help="Folder for the results.")
 ]
@@ -44,5 +50,5 @@ def parse_overrides(pairs: list[str] | None) -> dict[str, str]:
         if not equals:
             message = f"--set needs KEY=VALUE, for example --set alpha=0.6, not {pair!r}"
             raise SettingsError(message)
-        found[name.strip()] = value.strip()
+        found[current_name(name.strip())] = value.strip()
     return found

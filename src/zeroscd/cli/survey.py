@@ -19,6 +19,7 @@ from zeroscd.cli.options import (
     Within,
     parse_overrides,
 )
+from zeroscd.renamed import warn_renamed
 
 if TYPE_CHECKING:
     from zeroscd.survey import Summary
@@ -36,13 +37,12 @@ def survey(
     min_score: Annotated[
         float | None,
         typer.Option(
-            "--min-score",
-            "--least-score",
             min=0,
             max=1,
             help="From which an old photo counts as of the same place.",
         ),
     ] = None,
+    least_score: Annotated[float | None, typer.Option(min=0, max=1, hidden=True)] = None,
     write: Annotated[str, typer.Option(help=WRITE_HELP)] = "json,report",
     preset: Preset = "lite",
     settings: Overrides = None,
@@ -69,7 +69,6 @@ def survey(
     from zeroscd.detector import Detector
     from zeroscd.export.files import check_wanted
     from zeroscd.retrieval import PlaceIndex
-    from zeroscd.retrieval.index import RECOGNISED
     from zeroscd.retrieval.photos import list_photos
     from zeroscd.survey import MatchRules, compare, match_photos
 
@@ -84,10 +83,9 @@ def survey(
         write=wanted,
         cache_bytes=cache_mb * MEBIBYTE,
     )
-    least = RECOGNISED if min_score is None else min_score
     try:
         with Bar("looking") as bar:
-            rules = MatchRules(within_m=within, min_score=least)
+            rules = MatchRules(within_m=within, min_score=_min_score(min_score, least_score))
             matches = match_photos(paths, index, out, rules=rules, progress=bar)
         with Bar("comparing") as bar:
             engine = Local(workers=workers)
@@ -96,6 +94,14 @@ def survey(
         warn(f"stopped; give the same command again to continue in {out}")
         raise
     tell(summary)
+
+
+def _min_score(given: float | None, by_old_name: float | None) -> float:
+    from zeroscd.retrieval.index import RECOGNISED
+
+    if by_old_name is not None:
+        warn_renamed("--least-score", "--min-score")
+    return next((one for one in (given, by_old_name) if one is not None), RECOGNISED)
 
 
 def tell(summary: Summary) -> None:

@@ -109,7 +109,7 @@ class PlaceIndex:
             address: A folder, or an address of an object store such as "s3://bucket/places".
             settings: Name the encoder and how it looks at photos; `DEFAULT` if not given.
             encoder: The loaded encoder, if there is one already.
-            device: "auto", "cpu" or "cuda".
+            device: "auto", "cpu", "cuda" or "mps".
 
         Raises:
             DatasetError: There is an index already.
@@ -140,7 +140,7 @@ class PlaceIndex:
             address: Where it is.
             settings: As somebody asks for them; refused if the index was made with others.
             encoder: The loaded encoder, if there is one already.
-            device: "auto", "cpu" or "cuda".
+            device: "auto", "cpu", "cuda" or "mps".
 
         Raises:
             DatasetError: There is no index.

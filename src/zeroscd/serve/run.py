@@ -35,7 +35,7 @@ class Plan:
         host: Address to listen at.
         port: 0 takes any free one.
         presets: Which are loaded; the first one is the default.
-        device: "auto", "cpu" or "cuda".
+        device: "auto", "cpu", "cuda" or "mps".
         keys: If any, every request must bring one.
         state: Folder for jobs and temporary files.
         limits: Of every request.

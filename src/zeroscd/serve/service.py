@@ -12,7 +12,7 @@ from zeroscd.images.read import read_photo
 from zeroscd.serve.metrics import Metrics
 from zeroscd.serve.problems import Kind, Problem
 from zeroscd.serve.worker import CancelToken, Worker
-from zeroscd.settings import THRESHOLDS
+from zeroscd.settings import THRESHOLDS, is_threshold
 from zeroscd.timer import StageTimer
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class Service:
             message = f"preset {name!r} is not served here; choose: {', '.join(self.detectors)}"
             raise SettingsError(message)
         for setting in values:
-            if setting not in THRESHOLDS:
+            if not is_threshold(setting):
                 message = f"setting {setting!r} cannot be changed here; {_choose()}"
                 raise SettingsError(message)
         return DetectRequest(name, self.detectors[name].settings.override(values))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import ImageError
+from zeroscd.renamed import renamed_fields
 from zeroscd.retrieval.index import RECOGNISED
 from zeroscd.retrieval.photos import absolute
 from zeroscd.retrieval.store import Nearby
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from zeroscd.retrieval.index import PlaceIndex, PlaceMatch
 
 
+@renamed_fields({"least_score": "min_score"})
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchRules:
     """When an old photo counts as one of the same place.

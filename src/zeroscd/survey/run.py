@@ -14,6 +14,7 @@ from zeroscd.fingerprint import digest, digest_values
 from zeroscd.images.read import read_file
 from zeroscd.output import check_target, make_folder
 from zeroscd.progress import Silent
+from zeroscd.renamed import renamed_fields
 from zeroscd.survey.match_ledger import MatchLedger
 from zeroscd.survey.matching import MatchRules, PhotoMatch, match_photo
 from zeroscd.survey.reports import write_reports
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from zeroscd.retrieval.index import PlaceIndex
 
 
+@renamed_fields({"sightings": "matches"})
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
     """What a survey did.

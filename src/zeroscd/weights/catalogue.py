@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from zeroscd.errors import WeightsError
+from zeroscd.text import unknown
 
 FULL_SHA256 = 64  # hexadecimal digits of a whole digest
 
@@ -250,8 +251,6 @@ def find(name: str) -> WeightFile:
         >>> find("sam-vit-b").file
         'sam_vit_b_01ec64.pth'
     """
-    try:
-        return CATALOGUE[name]
-    except KeyError:
-        message = f"unknown weights {name!r}; choose one of: {', '.join(CATALOGUE)}"
-        raise WeightsError(message) from None
+    if name not in CATALOGUE:
+        raise WeightsError(unknown("weights", name, CATALOGUE))
+    return CATALOGUE[name]

@@ -175,6 +175,12 @@ def test_segments_are_asked_for_as_the_settings_say(
     assert {point.scores.settings.segment.prompting for point in points} == {prompting}
 
 
+def test_an_axis_by_an_old_name_is_the_setting_of_today() -> None:
+    with pytest.warns(DeprecationWarning, match="least_peak is now min_peak"):
+        axis = parse_axis("least_peak=0,1")
+    assert axis == parse_axis("min_peak=0,1")
+
+
 def test_missing_weights_are_noticed_before_the_first_point(
     tiny_folder: Path, tmp_path: Path, factory: ToyFactory
 ) -> None:

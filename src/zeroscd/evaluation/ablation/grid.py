@@ -8,6 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import SettingsError
+from zeroscd.settings.names import current_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,7 +51,7 @@ def parse_axis(text: str) -> Axis:
     if not name.strip() or not values:
         message = f"--over needs name=first:last:step or name=value,value, not {text!r}"
         raise SettingsError(message)
-    return Axis(name=name.strip(), values=values)
+    return Axis(name=current_name(name.strip()), values=values)
 
 
 def combine(axes: Sequence[Axis]) -> list[dict[str, str]]:

@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import DatasetError
+from zeroscd.text import unknown
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,7 +31,6 @@ def open_dataset(name: str, root: Path) -> Dataset:
         DatasetError: An unknown name, or the root is not laid out as expected.
     """
     if name not in DATASETS:
-        message = f"unknown data set {name!r}; choose one of: {', '.join(DATASETS)}"
-        raise DatasetError(message)
+        raise DatasetError(unknown("data set", name, DATASETS))
     dataset: Dataset = import_module(DATASETS[name]).open_root(root, name)
     return dataset

@@ -1,0 +1,57 @@
+"""Which device the networks run on, told apart by what torch says is there."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from zeroscd.device import DEVICES, pick_device, pick_precision
+from zeroscd.errors import SettingsError
+
+
+def pretend(monkeypatch: pytest.MonkeyPatch, *there: str) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: "cuda" in there)
+    monkeypatch.setattr("torch.backends.mps.is_available", lambda: "mps" in there)
+
+
+def test_an_unknown_device_is_refused_with_the_known_ones() -> None:
+    said = "unknown device 'gpu'; did you mean cpu? (choose one of: auto, cpu, cuda, mps)"
+    with pytest.raises(SettingsError, match=re.escape(said)):
+        pick_device("gpu")
+
+
+@pytest.mark.parametrize(
+    ("there", "expected"),
+    [((), "cpu"), (("cuda",), "cuda"), (("mps",), "mps"), (("cuda", "mps"), "cuda")],
+)
+def test_auto_takes_the_accelerator_that_is_there(
+    there: tuple[str, ...], expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pretend(monkeypatch, *there)
+    assert pick_device("auto") == expected
+
+
+@pytest.mark.parametrize("device", ["cuda", "mps"])
+def test_a_device_is_taken_where_it_is_and_refused_where_it_is_not(
+    device: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = "mps" if device == "cuda" else "cuda"
+    pretend(monkeypatch, device, other)
+    assert pick_device(device) == device
+    pretend(monkeypatch, other)
+    with pytest.raises(SettingsError, match=f"device {device} is not available .* --device cpu"):
+        pick_device(device)
+    assert pick_device("cpu") == "cpu"
+
+
+def test_precision_follows_the_device_unless_someone_decides(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_bf16_supported", lambda: True)
+    found = {device: pick_precision("auto", device=device) for device in ("cpu", "cuda", "mps")}
+    assert found == {"cpu": "fp32", "cuda": "bf16", "mps": "fp32"}
+    monkeypatch.setattr("torch.cuda.is_bf16_supported", lambda: False)
+    assert pick_precision("auto", device="cuda") == "fp32"
+    for device in DEVICES:
+        assert pick_precision("bf16", device=device) == "bf16"
