@@ -7,7 +7,7 @@ import os
 import threading
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from zeroscd.errors import OutputError
+from zeroscd.output import writing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -55,16 +55,12 @@ class Ledger(Generic[T]):
             self._known[key] = result
 
     def _append(self, line: bytes) -> None:
-        try:
-            with self._path.open("ab+") as file:
-                if _ends_torn(file.tell(), self._path):
-                    file.write(b"\n")
-                file.write(line)
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            message = f"cannot write {self._path}: {error.strerror}; free some space or choose -o"
-            raise OutputError(message) from error
+        with writing(self._path), self._path.open("ab+") as file:
+            if _ends_torn(file.tell(), self._path):
+                file.write(b"\n")
+            file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def _ends_torn(length: int, path: Path) -> bool:
