@@ -1,4 +1,4 @@
-"""What a survey leaves to read: GeoJSON, a COCO file, thumbnails and one page."""
+"""The reports of a survey: GeoJSON, COCO, thumbnails, one page."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _coco_text(folder: Path) -> Iterator[bytes]:
 
 
 def _marked(compared_pair: ComparedPair) -> Iterator[MarkedPhoto]:
-    """Yield both photos as far as they show a change: the tables know no others' sizes."""
+    """Yield the photos that show a change: the tables hold the sizes of no others."""
     for frame, column in (("t0", "before"), ("t1", "after")):
         own = [change for change in compared_pair.changes if change["frame"] == frame]
         if own:
