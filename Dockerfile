@@ -1,5 +1,5 @@
 # `zeroscd serve` in a container; docs/serve.md says how to build and run it, and
-# scripts/check_dockerfile.py checks that both say the same.
+# tests/serve/test_dockerfile.py checks that both agree.
 FROM python:3.12.12-slim-bookworm
 
 # For example "--index-url ADDRESS" of a mirror, or of torch's builds without CUDA (4 GB less).

@@ -45,7 +45,6 @@ HOMES = {
     "lancedb": {"retrieval"},
     "rich": {"cli"},
     "fastapi": {"serve"},
-    "gradio": {"serve"},
     "typer": {"cli"},
     "jinja2": {"pages"},
 }

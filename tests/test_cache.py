@@ -54,6 +54,11 @@ def test_a_value_is_found_under_its_key(texts: ExpiringCache[str]) -> None:
     assert texts.get("guessed") is None
 
 
+def test_a_value_can_be_taken_out_once(texts: ExpiringCache[str]) -> None:
+    key = texts.put("a")
+    assert (texts.pop(key), texts.pop(key), texts.get(key)) == ("a", None, None)
+
+
 def test_keys_made_here_cannot_be_guessed() -> None:
     cache = growing(1000)
     keys = {cache.put(Growing()) for _ in range(50)}

@@ -80,6 +80,12 @@ class ExpiringCache(Generic[T]):
             self._drop_excess()
             return None if entry is None else entry.value
 
+    def pop(self, key: str) -> T | None:
+        """Drop a key and return its value, or None if it is not there."""
+        with self._lock:
+            entry = self._entries.pop(key, None)
+        return None if entry is None else entry.value
+
     def drop_expired(self) -> None:
         """Drop what is too old, for a caller that may not use the cache for long."""
         with self._lock:

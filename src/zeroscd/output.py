@@ -16,8 +16,6 @@ from zeroscd.errors import OutputError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-REMEDY = "make room or choose another folder with -o"
-
 
 def check_target(folder: Path) -> None:
     """Refuse, before any work is done, a folder that can never be written.
@@ -56,41 +54,26 @@ def make_folder(folder: Path) -> None:
     Raises:
         OutputError: It cannot be made.
     """
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turn the system's errors while a path is written into one line.
-
-    Raises:
-        OutputError: An OSError inside.
-    """
     try:
-        yield
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise cannot_write(path, error.strerror or str(error)) from error
-
-
-def cannot_write(path: Path, reason: str) -> OutputError:
-    """Return the error that says which path cannot be written, why, and what to do."""
-    return OutputError(f"cannot write {path}: {reason}; {REMEDY}")
+        message = f"cannot create {folder}: {error.strerror}; choose another folder with -o"
+        raise OutputError(message) from error
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside a file; what was written there then takes the file's place.
+    """Yield a passing path beside a file; what was written there then takes the file's place.
 
     If anything is raised inside, the file stays as it was and nothing is left beside it.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
+    passing = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
-        yield part
-        part.replace(path)
+        yield passing
+        passing.replace(path)
     finally:
         with suppress(OSError):
-            part.unlink()
+            passing.unlink()
 
 
 def write_json(values: object, path: Path) -> None:
@@ -103,15 +86,18 @@ def write_json(values: object, path: Path) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; folders above it are made.
+    """Write a file under a passing name, then move it into place.
 
     Raises:
         OutputError: The folder cannot be written.
     """
-    with writing(path):
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as part:
-            part.write_bytes(content)
+        with replacing(path) as passing:
+            passing.write_bytes(content)
+    except OSError as error:
+        message = f"cannot write {path}: {error.strerror}; choose another folder with -o"
+        raise OutputError(message) from error
 
 
 def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
@@ -121,22 +107,26 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
         OutputError: The folder cannot be written.
     """
     check_target(folder)
-    # A ".." in it would lead out of the staging folder.
+    # A ".." in it would lead out of the stage.
     real = Path(os.path.realpath(folder))
     existing = _existing_part(real)
     stage = existing / f".zeroscd-{uuid.uuid4().hex[:8]}.part"
     overtaken = False
     try:
-        with writing(folder):
-            inner = stage / real.relative_to(existing)
-            inner.mkdir(parents=True)
-            for name, content in files.items():
-                (inner / name).write_bytes(content)
-            if inner == stage:
-                _move_into(real, stage, list(files))
-            else:
-                missing = real.relative_to(existing).parts[0]
-                overtaken = not _appears(stage / missing, existing / missing)
+        inner = stage / real.relative_to(existing)
+        inner.mkdir(parents=True)
+        for name, content in files.items():
+            (inner / name).write_bytes(content)
+        if inner == stage:
+            _move_into(real, stage, list(files))
+        else:
+            missing = real.relative_to(existing).parts[0]
+            overtaken = not _appears(stage / missing, existing / missing)
+    except OSError as error:
+        message = (
+            f"cannot write {folder}: {error.strerror or error}; make room or choose another folder"
+        )
+        raise OutputError(message) from error
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     if overtaken:

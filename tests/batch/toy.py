@@ -1,13 +1,15 @@
-"""A detector without networks, and a batch in a process of its own.
+"""A detector without networks that can be slow, and a batch of its own process.
 
-`python toy.py MANIFEST OUT` compares with it. It prints the name of each pair that was recorded in
-the journal, and then waits for a line on its standard input.
+`python toy.py MANIFEST OUT LOG DELAY_S [ray]` compares with it, noting each finished pair in LOG.
 """
 
 from __future__ import annotations
 
 import sys
+import time
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
@@ -79,14 +81,24 @@ class IslandStudy:
         return Segments(size_hw=self.size_hw, items=tuple(one for one in found if one))
 
 
-def nothing(result: ChangeResult) -> None:
-    """What happens after a comparison, if a test wants nothing else."""
+@dataclass
+class Pace:
+    """What happens after each comparison."""
+
+    log: Path | None = None
+    delay_s: float = 0.0
+
+    def __call__(self, result: ChangeResult) -> None:
+        time.sleep(self.delay_s)
+        if self.log is not None:
+            with self.log.open("a") as file:
+                file.write(f"{Path(str(result.after.path)).stem}\n")
 
 
 class ToyDetector(Detector):
     """The real method with toy models."""
 
-    after_each: Callable[[ChangeResult], None] = staticmethod(nothing)
+    after_each: Callable[[ChangeResult], None] = Pace()
 
     def decide(self, evidence: Evidence, settings: Settings | None = None) -> ChangeResult:
         result = super().decide(evidence, settings)
@@ -94,25 +106,22 @@ class ToyDetector(Detector):
         return result
 
 
-def make(after_each: Callable[[ChangeResult], None] = nothing, **settings: object) -> ToyDetector:
+def make(pace: Callable[[ChangeResult], None] | None = None, **settings: object) -> ToyDetector:
     chosen = Settings().override({"verify": "off", "min_inliers": 4, **settings})
     detector = ToyDetector(chosen, Models(ColourEncoder(), IslandSegmenter()), preset="toy")
-    detector.after_each = after_each
+    detector.after_each = pace or Pace()
     return detector
 
 
-class InSteps:
-    """Progress that lets whoever started the process decide when the next pair is recorded."""
+def main(manifest: str, out: str, log: str, delay_s: str, engine: str = "local") -> None:
+    options = Options(detector=partial(make, Pace(Path(log), float(delay_s))))
+    if engine == "local":
+        run(manifest, out, options=options)
+        return
+    from zeroscd.batch.cluster import Ray
 
-    def begin(self, total: int) -> None:
-        del total
-
-    def advance(self, stem: str, *, reused: bool) -> None:
-        del reused
-        sys.stdout.write(f"{stem}\n")
-        sys.stdout.flush()
-        sys.stdin.readline()
+    run(manifest, out, options=options, engine=Ray(concurrency=2))
 
 
 if __name__ == "__main__":
-    run(sys.argv[1], sys.argv[2], options=Options(detector=make), progress=InSteps())
+    main(*sys.argv[1:])

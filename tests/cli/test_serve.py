@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import httpx
 import pytest
+from filelock import FileLock
 
 pytest.importorskip("fastapi", reason="the server needs zeroscd[serve]")
 
@@ -44,6 +45,11 @@ def test_without_options_only_this_machine_is_served(
     assert capsys.readouterr().out == "listening at http://127.0.0.1:1 (Ctrl+C stops)\n"
 
 
+def test_a_path_prefix_loses_its_last_slash(plans: list[Plan]) -> None:
+    assert run(["serve", "--root-path", "/zeroscd/"]) == 0
+    assert plans[0].root_path == "/zeroscd"
+
+
 def test_keys_come_from_the_environment_and_are_never_shown(
     plans: list[Plan], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -60,6 +66,7 @@ def test_keys_come_from_the_environment_and_are_never_shown(
         (["--api-key-env", "NO_SUCH_NAME"], "NO_SUCH_NAME"),
         (["--preset", "nope"], "unknown preset 'nope'"),
         (["--port", "70000"], "65535"),
+        (["--root-path", "//evil.example"], "--root-path '//evil.example' is not a plain path"),
     ],
 )
 def test_a_wrong_option_gives_one_line(
@@ -77,11 +84,11 @@ def test_a_missing_extra_says_what_to_install(
     plans: list[Plan], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
-        command, "find_spec", lambda name: None if name == "gradio" else find_spec(name)
+        command, "find_spec", lambda name: None if name == "python_multipart" else find_spec(name)
     )
     assert run(["serve"]) == 2
     assert capsys.readouterr().err == (
-        "error: serve needs gradio; run: pip install 'zeroscd[serve]'\n"
+        "error: serve needs python-multipart; run: pip install 'zeroscd[serve]'\n"
     )
     assert plans == []
 
@@ -103,7 +110,7 @@ def test_an_address_of_another_machine_gives_one_line(capsys: pytest.CaptureFixt
 def test_two_servers_do_not_share_a_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with server._owned(tmp_path):
+    with FileLock(tmp_path / "lock"):
         assert run(["serve", "--port", "0", "--state", str(tmp_path)]) == 2
     assert "another server uses" in capsys.readouterr().err
 
@@ -145,8 +152,7 @@ def test_the_command_serves_until_it_is_asked_to_stop(tmp_path: Path) -> None:
             names = [preset["name"] for preset in client.get("/v1/presets").json()["presets"]]
             assert names == ["lite"]
             photos = {
-                when: client.get(f"/pagedata/samples/{when}.jpg").content
-                for when in ("before", "after")
+                when: client.get(f"/samples/{when}.jpg").content for when in ("before", "after")
             }
             kinds = {
                 region["kind"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import threading
-import time
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,9 +21,9 @@ from zeroscd.detector import Detector
 from zeroscd.models import Models
 from zeroscd.records import Segment
 from zeroscd.serve.app import make_app
-from zeroscd.serve.connection import PatientConnection
+from zeroscd.serve.connection import TimedConnection
 from zeroscd.serve.limits import Limits
-from zeroscd.serve.page.mount import Page
+from zeroscd.serve.run import listen
 from zeroscd.serve.service import Service
 from zeroscd.settings import Settings
 
@@ -149,18 +149,13 @@ def make_service(
 def start(
     make_service: Callable[..., tuple[Service, HeldEncoder]],
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
 ) -> Iterator[Callable[..., Served]]:
-    """Start a toy server in this process; its state survives a second start.
-
-    Without Gradio, which takes a second to lay out the page: the server `live` has it.
-    """
+    """Start a toy server in this process; its state survives a second start."""
     running: list[tuple[TestClient, HeldEncoder]] = []
-    monkeypatch.setattr(Page, "mount", lambda _, app: app)
 
-    def begin(limits: Limits = TIGHT, keys: Sequence[str] = ()) -> Served:
+    def begin(limits: Limits = TIGHT, keys: Sequence[str] = (), root_path: str = "") -> Served:
         service, encoder = make_service(limits)
-        app = make_app(service, tmp_path, keys=keys)
+        app = make_app(service, tmp_path, keys=keys, root_path=root_path)
         client = TestClient(app, raise_server_exceptions=False)
         client.__enter__()
         running.append((client, encoder))
@@ -178,28 +173,53 @@ def served(start: Callable[..., Served]) -> Served:
     return start()
 
 
+class Live(NamedTuple):
+    """A toy server on a real socket and what stands behind it."""
+
+    url: str
+    service: Service
+    encoder: HeldEncoder
+
+
+@contextmanager
+def listening_server(service: Service, encoder: HeldEncoder, folder: Path) -> Iterator[Live]:
+    config = uvicorn.Config(
+        make_app(service, folder),
+        http=TimedConnection,
+        ws="none",
+        log_level="error",
+        access_log=False,
+    )
+    server = uvicorn.Server(config)
+    with listen("127.0.0.1", 0) as listening:  # connections wait in its backlog from now on
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+        thread.start()
+        yield Live(f"http://127.0.0.1:{listening.getsockname()[1]}", service, encoder)
+        encoder.go.set()
+        server.should_exit = True
+        thread.join(20)
+
+
 @pytest.fixture(scope="session")
 def live(
     make_service: Callable[..., tuple[Service, HeldEncoder]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[str]:
     """The address of a toy server on a real socket."""
-    folder = tmp_path_factory.mktemp("live")
-    service, _ = make_service(TIGHT)
-    app = make_app(service, folder)
-    config = uvicorn.Config(
-        app, port=0, http=PatientConnection, ws="none", log_level="error", access_log=False
-    )
-    server = uvicorn.Server(config)
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    while not server.started:
-        assert thread.is_alive()
-        time.sleep(0.01)
-    port = server.servers[0].sockets[0].getsockname()[1]
-    yield f"http://127.0.0.1:{port}"
-    server.should_exit = True
-    thread.join(20)
+    limits = replace(TIGHT, photo_pixels=500_000)  # the sample photos have as many
+    with listening_server(*make_service(limits), tmp_path_factory.mktemp("live")) as server:
+        yield server.url
+
+
+@pytest.fixture
+def held_live(
+    make_service: Callable[..., tuple[Service, HeldEncoder]], tmp_path: Path
+) -> Iterator[Live]:
+    """A toy server on a real socket whose encoder waits until it is told to go."""
+    service, encoder = make_service()
+    encoder.go.clear()
+    with listening_server(service, encoder, tmp_path) as server:
+        yield server
 
 
 @pytest.fixture(scope="session")

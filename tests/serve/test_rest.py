@@ -129,7 +129,7 @@ def test_a_full_queue_is_answered_at_once(served: Any, pair: Any) -> None:
         thread.start()
     assert served.encoder.busy.wait(10)
     while served.service.worker.waiting < 2:
-        threads[0].join(0.01)
+        assert served.client.get("/healthz").status_code == 200
     refused = served.client.post("/v1/detect", files=pair.files())
     assert (refused.status_code, kind_of(refused)) == (429, "busy")
     assert int(refused.headers["retry-after"]) >= 1
@@ -190,6 +190,11 @@ def test_the_document_describes_every_operation_with_examples(served: Any) -> No
         ("get", "/v1/jobs/{job}"),
         ("delete", "/v1/jobs/{job}"),
         ("get", "/v1/jobs/{job}/results/{number}"),
+        ("post", "/v1/comparisons"),
+        ("get", "/v1/comparisons/{name}"),
+        ("delete", "/v1/comparisons/{name}"),
+        ("post", "/v1/comparisons/{name}/results"),
+        ("get", "/v1/comparisons/{name}/results/{number}/{file}"),
         ("get", "/healthz"),
         ("get", "/readyz"),
         ("get", "/metrics"),

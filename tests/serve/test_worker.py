@@ -83,9 +83,9 @@ def test_an_accident_reaches_whoever_waits_and_nobody_else(worker: Worker) -> No
     assert worker.submit(lambda: 7).result(10) == 7
 
 
-def test_a_ticket_stops_work_for_nobody() -> None:
+def test_a_cancelled_token_stops_the_task() -> None:
     cancel_token = CancelToken()
     cancel_token.check()
-    cancel_token.give_up()
+    cancel_token.cancel()
     with pytest.raises(CancelledError):
         cancel_token.check()

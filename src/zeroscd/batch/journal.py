@@ -1,4 +1,4 @@
-"""What a batch has to do and has done, in one SQLite file, so that a killed one can go on."""
+"""What a batch has to do and has done, in one SQLite file, so that a killed one loses nothing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from zeroscd.batch.address import resolve
 from zeroscd.batch.names import safe_name, stem
 from zeroscd.batch.task import Row, Task
 from zeroscd.errors import OutputError
-from zeroscd.output import cannot_write
 from zeroscd.text import is_text
 
 if TYPE_CHECKING:
@@ -24,25 +23,23 @@ if TYPE_CHECKING:
 
 FILE = "journal.sqlite"
 PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
-# No pair's folder may have one of these names.
+# Folders of pairs must not be called like these.
 RESERVED = (FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", PAIRS, CHANGES)
 CHUNK = 500  # rows read at a time
 OK, FAILED = "ok", "error"
 
-# done: every comparison ever finished, by name. todo and names: the manifest of this run.
+# done: what was ever computed, by name. todo and names: this run's manifest, written anew each run.
 TABLES = """
-DROP TABLE IF EXISTS todo;
-DROP TABLE IF EXISTS names;
 CREATE TABLE IF NOT EXISTS done (name TEXT PRIMARY KEY, key TEXT NOT NULL, seconds REAL NOT NULL,
     content BLOB NOT NULL) WITHOUT ROWID;
-CREATE TABLE todo (row INTEGER PRIMARY KEY, id TEXT, name TEXT NOT NULL,
-    before TEXT, after TEXT, error TEXT, finished INTEGER NOT NULL);
-CREATE TABLE names (folded TEXT PRIMARY KEY, next INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS todo (row INTEGER PRIMARY KEY, id TEXT, name TEXT NOT NULL,
+    before TEXT, after TEXT, error TEXT, settled INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS names (folded TEXT PRIMARY KEY, next INTEGER NOT NULL) WITHOUT ROWID;
 """
 
 
 class Journal:
-    """The state of a batch in its output folder; for one process at a time, in one thread.
+    """The state of a batch in its output folder; one process at a time, one thread.
 
     Args:
         out: The folder; it must exist.
@@ -53,12 +50,12 @@ class Journal:
 
     def __init__(self, out: Path) -> None:
         self._path = out / FILE
-        with self._own_errors():
+        with self._telling():
             self._database = sqlite3.connect(self._path, timeout=0, isolation_level=None)
             # The lock lasts until the process ends, however it ends.
             self._database.execute("PRAGMA locking_mode=EXCLUSIVE")
             self._database.execute("PRAGMA journal_mode=WAL")
-            # A killed process loses nothing; a power cut may lose the last pairs, compared again.
+            # A killed process loses nothing; a power cut may lose the last pairs, which are redone.
             self._database.execute("PRAGMA synchronous=NORMAL")
             self._database.executescript(TABLES)
 
@@ -74,12 +71,12 @@ class Journal:
         self._database.close()
 
     def begin(self, rows: Iterable[Row]) -> int:
-        """Read in a manifest, give each row a unique name, and return the number of rows.
+        """Take over a manifest, giving each row a name of its own, and return how many there are.
 
-        A row without an id is named after its t1 photo. Where names would be equal, the later
-        ones get a number, in the order of the manifest: `elm`, `elm-2`, `elm-3`.
+        A row without an id is called after its photo after. A name that was given before gets a
+        number: `elm`, `elm-2`, `elm-3`, by the order of the manifest.
         """
-        with self._own_errors(), self._transaction():
+        with self._telling(), self._transaction():
             self._database.execute("DELETE FROM todo")
             self._database.execute("DELETE FROM names")
             for name in RESERVED:
@@ -94,33 +91,32 @@ class Journal:
         return count
 
     def tasks(self, *, base: str, folder: Path, files: Sequence[str]) -> Iterator[Task]:
-        """Yield the pairs that can be compared, in the manifest's order.
+        """Yield what can be compared, in the manifest's order.
 
         Args:
             base: What relative addresses are relative to.
-            folder: Holds the pairs' folders.
-            files: Names of the files that a pair must have there to count as known.
+            folder: Where pairs have their folders.
+            files: What a finished pair must have there to count as known.
         """
         query = (
             "SELECT row, todo.name, before, after, key FROM todo LEFT JOIN done "
             "ON done.name = todo.name WHERE row > ? AND error IS NULL ORDER BY row LIMIT ?"
         )
         for row, name, before, after, key in self._chunks(query):
-            complete = key is not None and all((folder / name / file).exists() for file in files)
+            whole = key is not None and all((folder / name / file).exists() for file in files)
             yield Task(
                 row=row,
                 name=name,
                 before=resolve(before, base=base),
                 after=resolve(after, base=base),
-                known=key if complete else None,
+                known=key if whole else None,
             )
 
     def record(self, outcome: Outcome) -> None:
-        """Keep an outcome, in the file before this returns."""
-        with self._own_errors(), self._transaction():
+        """Keep what came of a row, on disk before this returns."""
+        with self._telling(), self._transaction():
             self._database.execute(
-                "UPDATE todo SET finished = 1, error = ? WHERE row = ?",
-                (outcome.error, outcome.row),
+                "UPDATE todo SET settled = 1, error = ? WHERE row = ?", (outcome.error, outcome.row)
             )
             if outcome.error is None and not outcome.reused:
                 content = {"pair": dict(outcome.pair), "changes": [*outcome.changes]}
@@ -132,9 +128,9 @@ class Journal:
 
     def remaining(self) -> int:
         """Return how many rows have no outcome yet."""
-        with self._own_errors():
+        with self._telling():
             (count,) = self._database.execute(
-                "SELECT COUNT(*) FROM todo WHERE NOT finished"
+                "SELECT COUNT(*) FROM todo WHERE NOT settled"
             ).fetchone()
         return int(count)
 
@@ -169,7 +165,7 @@ class Journal:
     def _chunks(self, query: str) -> Iterator[tuple[Any, ...]]:
         last = 0
         while True:
-            with self._own_errors():
+            with self._telling():
                 rows = self._database.execute(query, (last, CHUNK)).fetchall()
             if not rows:
                 return
@@ -177,8 +173,8 @@ class Journal:
             last = rows[-1][0]
 
     def _name(self, wanted: str) -> str:
-        """Return a name that no row has yet: the wanted one, or it with the next free number."""
-        folded = wanted.casefold()  # on some file systems A and a are one name
+        """Return a name that no row has yet: the wanted one, or that with the next free number."""
+        folded = wanted.casefold()  # some file systems do not tell A from a
         if self._claim(wanted):
             return wanted
         (number,) = self._database.execute(
@@ -204,8 +200,8 @@ class Journal:
         self._database.execute("COMMIT")
 
     @contextmanager
-    def _own_errors(self) -> Iterator[None]:
-        """Turn SQLite's errors into ours."""
+    def _telling(self) -> Iterator[None]:
+        """Turn what SQLite says into our own words."""
         try:
             yield
         except sqlite3.Error as error:
@@ -214,8 +210,12 @@ class Journal:
                     f"another batch is writing into {self._path.parent}; "
                     "wait for it or choose another folder with -o"
                 )
-                raise OutputError(message) from error
-            raise cannot_write(self._path, str(error)) from error
+            else:
+                message = (
+                    f"cannot write {self._path} ({error}); make room, or choose another folder "
+                    "with -o on a disk of this machine"
+                )
+            raise OutputError(message) from error
 
 
 def _unpack(packed: bytes) -> Mapping[str, Any]:
@@ -224,15 +224,15 @@ def _unpack(packed: bytes) -> Mapping[str, Any]:
 
 
 def _storable(row: Row) -> Row:
-    """Return the row, as an error if a database or Parquet file cannot hold one of its names."""
+    """Make an error of a row whose names no database or Parquet file can hold."""
     names = (row.before, row.after, row.id)
-    undecodable = [_escaped(name) for name in names if name and not is_text(name)]
-    if not undecodable:
+    odd = [_shown(name) for name in names if name and not is_text(name)]
+    if not odd:
         return row
-    before, after, id_ = (name and _escaped(name) for name in names)
-    error = f"{undecodable[0]} is not a UTF-8 name; rename it"
-    return Row(before=before, after=after, id=id_, error=error)
+    before, after, called = (name and _shown(name) for name in names)
+    error = f"{odd[0]} is not a UTF-8 name; rename it"
+    return Row(before=before, after=after, id=called, error=error)
 
 
-def _escaped(name: str) -> str:
+def _shown(name: str) -> str:
     return name.encode("utf-8", "backslashreplace").decode()

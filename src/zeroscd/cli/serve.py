@@ -1,4 +1,4 @@
-"""`zeroscd serve`: a page in the browser, and the same over HTTP."""
+"""`zeroscd serve`: a page for the browser and a REST interface for programs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from zeroscd.cli.console import busy, say
 from zeroscd.cli.options import Device  # noqa: TC001 - typer reads the annotations
 from zeroscd.errors import SettingsError
 
-NEEDED = ("fastapi", "uvicorn", "gradio", "python_multipart", "prometheus_client")
+NEEDED = ("fastapi", "uvicorn", "python_multipart", "prometheus_client")
 
 
 def serve(
@@ -33,13 +33,26 @@ def serve(
         Path | None, typer.Option(metavar="FOLDER", help="Where jobs and their photos are kept.")
     ] = None,
     device: Device = "auto",
+    root_path: Annotated[
+        str,
+        typer.Option(
+            metavar="PREFIX",
+            help="Path below which a proxy publishes the server, such as /zeroscd.",
+        ),
+    ] = "",
 ) -> None:
-    """Open a page in the browser where two photos are compared; programs use the same address.
+    """Serve a page for the browser, and a REST interface for programs.
 
     Example: zeroscd serve --port 8000
     """
     require_installed()
+    from zeroscd.serve.path_prefix import as_prefix
     from zeroscd.settings import preset as named
+
+    prefix = as_prefix(root_path)
+    if prefix is None:
+        message = f"--root-path {root_path!r} is not a plain path; write it like /zeroscd"
+        raise SettingsError(message)
 
     presets = preset or ["lite"]
     for name in presets:
@@ -58,6 +71,7 @@ def serve(
             keys=keys,
             state=state or default_state(),
             limits=Limits(),
+            root_path=prefix,
         ),
         ready=lambda address: say(f"listening at {address} (Ctrl+C stops)"),
     )

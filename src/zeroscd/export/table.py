@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Any
 
+from zeroscd.errors import OutputError
 from zeroscd.export.changes import region_values
 from zeroscd.images.exif import Exif
-from zeroscd.output import replacing, writing
+from zeroscd.output import replacing
 from zeroscd.records import Alignment, NotAligned
 
 if TYPE_CHECKING:
@@ -116,8 +117,12 @@ def write_parquet(path: Path, rows: Iterable[Row], schema: pa.Schema) -> int:
     Raises:
         OutputError: The file cannot be written.
     """
-    with writing(path), replacing(path) as part:
-        return _write(part, rows, schema)
+    try:
+        with replacing(path) as passing:
+            return _write(passing, rows, schema)
+    except OSError as error:
+        message = f"cannot write {path}: {error.strerror or error}; choose another folder with -o"
+        raise OutputError(message) from error
 
 
 def _write(path: Path, rows: Iterable[Row], schema: pa.Schema) -> int:

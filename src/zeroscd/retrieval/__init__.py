@@ -1,4 +1,4 @@
-"""Place recognition: which old photo shows the place of a new one. An index on disk.
+"""Which old photo shows this place? An index on disk, nearest descriptors, then matched patches.
 
 from zeroscd.retrieval import PlaceIndex
 

@@ -1,4 +1,4 @@
-"""The whole server as one ASGI application: REST, jobs, page and the gate before them."""
+"""The whole server as one ASGI application: REST, jobs, page and the middleware around them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from zeroscd import __version__
-from zeroscd.serve import health, job_routes, problems, rest
+from zeroscd.serve import comparison_routes, health, job_routes, page, problems, rest
+from zeroscd.serve.comparison import Comparisons
 from zeroscd.serve.job_runner import JobRunner
 from zeroscd.serve.job_store import JobStore
 from zeroscd.serve.middleware import Middleware
-from zeroscd.serve.page.mount import Page
+from zeroscd.serve.path_prefix import PathPrefix
 from zeroscd.serve.schemas import ProblemDocument
 
 if TYPE_CHECKING:
@@ -31,89 +32,98 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-TIDY_SECONDS = 60.0  # between two rounds of forgetting what is too old
+CLEANUP_SECONDS = 60.0  # between two rounds of dropping what has expired
 DESCRIPTION = (
     "What changed between two photos of the same street. Errors are problem documents (RFC 9457)."
 )
 
 
-def make_app(service: Service, state: Path, *, keys: Sequence[str] = ()) -> ASGIApp:
+def make_app(
+    service: Service, state: Path, *, keys: Sequence[str] = (), root_path: str = ""
+) -> ASGIApp:
     """Build the server.
 
     Args:
         service: Detectors, limits and worker.
         state: Folder for the jobs' database; no other server may use it.
         keys: If any, every request must bring one of them.
+        root_path: Path prefix under which a proxy publishes the server, such as "/zeroscd".
 
     Raises:
         OutputError: The jobs' database cannot be opened.
     """
     store = JobStore(state / "jobs.sqlite3")
     runner = JobRunner(store, service)
-    page = Page(service)
+    comparisons = Comparisons(service)
     # Without documentation pages: FastAPI's load their scripts from another host.
     app = FastAPI(
         title="zeroscd",
         version=__version__,
         description=DESCRIPTION,
-        lifespan=_life(service, store, runner, page),
+        lifespan=_lifespan(service, store, runner, comparisons),
         docs_url=None,
         redoc_url=None,
+        # Relative to the document itself, so that it holds below any path prefix.
+        servers=[{"url": "."}],
+        root_path_in_servers=False,
+        redirect_slashes=False,  # it would answer with an absolute address
     )
     problems.install(app)
     app.include_router(rest.router(service))
     app.include_router(job_routes.router(service, store, runner))
+    app.include_router(comparison_routes.router(service, comparisons))
     app.include_router(health.router(service))
-    app.include_router(page.router(), include_in_schema=False)
+    app.include_router(page.router(service, comparisons), include_in_schema=False)
     _describe(app, with_keys=bool(keys))
     service.metrics.watch(
         "zeroscd_waiting_pairs", "Pairs of jobs that wait", lambda: store.count("waiting")
     )
 
     def admit(path: str) -> None:
-        if path == "/v1/detect":
+        if path in ("/v1/detect", "/v1/comparisons"):
             service.worker.admit()
 
-    return Middleware(
-        page.mount(app), limits=service.limits, keys=keys, metrics=service.metrics, admit=admit
+    checked = Middleware(
+        app, limits=service.limits, keys=keys, metrics=service.metrics, admit=admit
     )
+    return PathPrefix(checked, root_path)
 
 
-def _life(
-    service: Service, store: JobStore, runner: JobRunner, page: Page
+def _lifespan(
+    service: Service, store: JobStore, runner: JobRunner, comparisons: Comparisons
 ) -> Callable[[FastAPI], AbstractAsyncContextManager[None]]:
-    """Return what runs beside the requests, from the first one to the last."""
+    """Return what runs in the background while requests are served."""
 
     @asynccontextmanager
-    async def life(_: FastAPI) -> AsyncIterator[None]:
-        beside = [
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        background = [
             asyncio.create_task(runner.run()),
-            asyncio.create_task(_tidy(service, store, page)),
+            asyncio.create_task(_clean_up(service, store, comparisons)),
         ]
         yield
-        for task in beside:
+        for task in background:
             task.cancel()
             with suppress(asyncio.CancelledError):
                 await task
         await asyncio.to_thread(service.worker.stop)
         store.close()
 
-    return life
+    return lifespan
 
 
-async def _tidy(service: Service, store: JobStore, page: Page) -> None:
+async def _clean_up(service: Service, store: JobStore, comparisons: Comparisons) -> None:
     while True:
         try:
             await asyncio.to_thread(store.expire, seconds=service.limits.keep_job_seconds)
         except sqlite3.Error:
-            log.exception("old jobs could not be forgotten")
-        page.tidy()
-        _give_memory_back()
-        await asyncio.sleep(TIDY_SECONDS)
+            log.exception("expired jobs could not be deleted")
+        comparisons.expire()
+        _trim_heap()
+        await asyncio.sleep(CLEANUP_SECONDS)
 
 
-def _give_memory_back() -> None:
-    """Return what was freed to the system: glibc keeps the heaps of threads as large as they were.
+def _trim_heap() -> None:
+    """Return freed memory to the system, which glibc does not do by itself for threads' heaps.
 
     Other C libraries have no such function.
     """
@@ -122,7 +132,7 @@ def _give_memory_back() -> None:
 
 
 def _describe(app: FastAPI, *, with_keys: bool) -> None:
-    """Complete the OpenAPI document: the problem's shape, and the key where one is asked for."""
+    """Complete the OpenAPI document: the problem's schema, and the key where one is required."""
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
@@ -134,7 +144,11 @@ def _describe(app: FastAPI, *, with_keys: bool) -> None:
 
 def _document(app: FastAPI, *, with_keys: bool) -> dict[str, Any]:
     found = get_openapi(
-        title=app.title, version=app.version, description=app.description, routes=app.routes
+        title=app.title,
+        version=app.version,
+        description=app.description,
+        routes=app.routes,
+        servers=app.servers,
     )
     schemas = found["components"]["schemas"]
     schemas["ProblemDocument"] = ProblemDocument.model_json_schema()

@@ -1,4 +1,4 @@
-"""HTTP connections that do not wait for ever for somebody to say what they want."""
+"""HTTP connections with a time limit for the head of a request."""
 
 from __future__ import annotations
 
@@ -11,50 +11,50 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 if TYPE_CHECKING:
     import asyncio
 
-HEAD_SECONDS = 10.0  # for the lines of a request before its body
-# For a client to hear that it was too slow: some round trips around the world. Our choice.
+HEAD_SECONDS = 10.0  # for the request line and headers
+# For a client to read the 408: some round trips around the world. Our choice.
 LINGER_SECONDS = 2.0
 
 
-class PatientConnection(H11Protocol):
+class TimedConnection(H11Protocol):
     """Uvicorn's connection with a time limit for the head of each request.
 
-    Uvicorn limits only the pause between requests; somebody who sends one letter a second would
-    hold a connection for ever.
+    Uvicorn limits only the pause between requests; a client that sends one byte a second
+    (Slowloris) would hold a connection for ever.
     """
 
     _timer: asyncio.TimerHandle | None = None
-    _gave_up = False
+    _timed_out = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for the first request."""
+        """Start the timer for the first request."""
         super().connection_made(transport)
-        self._wait_for_head()
+        self._start_timer()
 
     def data_received(self, data: bytes) -> None:
-        """Go on waiting until the head is complete; ignore what comes too late."""
-        if self._gave_up:
+        """Stop the timer when the head is complete; ignore what comes too late."""
+        if self._timed_out:
             return
         super().data_received(data)
         if self.conn.their_state is not h11.IDLE:
-            self._stop_waiting()
+            self._stop_timer()
         elif self._timer is None:
-            self._wait_for_head()
+            self._start_timer()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Stop waiting."""
-        self._stop_waiting()
+        """Stop the timer."""
+        self._stop_timer()
         super().connection_lost(exc)
 
-    def _wait_for_head(self) -> None:
-        self._timer = self.loop.call_later(HEAD_SECONDS, self._lose_patience)
+    def _start_timer(self) -> None:
+        self._timer = self.loop.call_later(HEAD_SECONDS, self._time_out)
 
-    def _stop_waiting(self) -> None:
+    def _stop_timer(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
-    def _lose_patience(self) -> None:
+    def _time_out(self) -> None:
         self._timer = None
         if self.transport.is_closing() or self.conn.our_state is not h11.IDLE:
             return
@@ -68,6 +68,6 @@ class PatientConnection(H11Protocol):
             self.transport.write(self.conn.send(event) or b"")
         # Closing with bytes unread would reset the connection, and a client that is still sending
         # might never read the answer. So listen on until it has hung up, or for a moment.
-        self._gave_up = True
+        self._timed_out = True
         self.transport.write_eof()
         self._timer = self.loop.call_later(LINGER_SECONDS, self.transport.close)

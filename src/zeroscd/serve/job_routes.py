@@ -7,21 +7,21 @@ import sqlite3
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated
 
-from fastapi import APIRouter, File, Path, Response, UploadFile, status
+from fastapi import APIRouter, File, Path, Request, Response, UploadFile, status
 
-from zeroscd.serve.job_store import UNFINISHED, JobStatus, JobStore
-from zeroscd.serve.media import JSON, PNG, preferred
-from zeroscd.serve.problems import Kind, Problem, described
-from zeroscd.serve.rest import (
+from zeroscd.serve.forms import (
     PHOTO,
     RESULT,
-    SENDING,
+    UPLOAD_PROBLEMS,
     Accept,
     Frame,
     Preset,
     SettingsText,
     check_pair,
 )
+from zeroscd.serve.job_store import UNFINISHED, JobStatus, JobStore
+from zeroscd.serve.media import JSON, PNG, preferred
+from zeroscd.serve.problems import Kind, Problem, described
 from zeroscd.serve.schemas import JobShown, PairShown
 from zeroscd.serve.service import PhotoPair, Service, parse_values
 
@@ -38,19 +38,20 @@ PairNumber = Annotated[int, Path(description="Counted from 0.", ge=0, le=MAX_NUM
 def router(service: Service, store: JobStore, runner: JobRunner) -> APIRouter:
     """Return the routes of a service."""
     routes = APIRouter(prefix="/v1/jobs", tags=["many pairs"])
-    _add_sending(routes, service, store, runner)
-    _add_asking(routes, service, store)
+    _add_changing(routes, service, store, runner)
+    _add_reading(routes, service, store)
     return routes
 
 
-def _add_sending(routes: APIRouter, service: Service, store: JobStore, runner: JobRunner) -> None:
+def _add_changing(routes: APIRouter, service: Service, store: JobStore, runner: JobRunner) -> None:
     @routes.post(
         "",
         response_model=JobShown,
         status_code=status.HTTP_202_ACCEPTED,
-        responses=described(*SENDING),
+        responses=described(*UPLOAD_PROBLEMS),
     )
     async def send(  # noqa: PLR0913, PLR0917 - the fields of the form
+        http_request: Request,
         response: Response,
         before: Annotated[list[UploadFile], File(description=f"The earlier photos: {PHOTO}")],
         after: Annotated[list[UploadFile], File(description="The later photos, in that order.")],
@@ -58,31 +59,31 @@ def _add_sending(routes: APIRouter, service: Service, store: JobStore, runner: J
         frame: Frame = None,
         settings: SettingsText = None,
     ) -> JobShown:
-        """Send pairs to be compared; once this is answered, not even a crash loses them."""
+        """Queue pairs; once this is answered, not even a crash loses them."""
         values = parse_values(settings, frame)
-        ask = service.ask(preset, values)
+        request = service.request(preset, values)
         pairs = await _pairs(before, after, service)
         await asyncio.to_thread(_check_room, store, service, pairs)
         try:
-            job = await asyncio.to_thread(store.add, pairs, preset=ask.preset, values=values)
+            job = await asyncio.to_thread(store.add, pairs, preset=request.preset, values=values)
         except sqlite3.OperationalError as error:  # a full disk
             raise _no_room() from error
         runner.wake()
-        response.headers["Location"] = f"/v1/jobs/{job.id}"
-        return _shown(job, service)
+        response.headers["Location"] = address = _address(http_request, job.id)
+        return _shown(job, service, address)
 
     @routes.delete("/{job}", status_code=status.HTTP_204_NO_CONTENT, responses=described(404, 422))
-    async def forget(job: JobName) -> None:
-        """Cancel what has not begun, and delete photos and results."""
+    async def delete(job: JobName) -> None:
+        """Cancel what has not started, and delete photos and results."""
         if not await asyncio.to_thread(store.remove, job):
             raise _unknown_job()
 
 
-def _add_asking(routes: APIRouter, service: Service, store: JobStore) -> None:
+def _add_reading(routes: APIRouter, service: Service, store: JobStore) -> None:
     @routes.get("/{job}", response_model=JobShown, responses=described(404, 422))
-    async def where(job: JobName) -> JobShown:
-        """Say where a job stands."""
-        return _shown(await _found(store, job), service)
+    async def status_of(http_request: Request, job: JobName) -> JobShown:
+        """Return the status of a job and of its pairs."""
+        return _shown(await _found(store, job), service, _address(http_request, job))
 
     @routes.get(
         "/{job}/results/{number}",
@@ -128,7 +129,7 @@ def _check_room(store: JobStore, service: Service, pairs: list[PhotoPair]) -> No
 
 
 def _no_room() -> Problem:
-    message = "as many jobs as there is room for are here already; delete some or come later"
+    message = "there is no room for more jobs; delete some or try again later"
     return Problem(Kind.BUSY, message, headers={"Retry-After": RETRY_SECONDS})
 
 
@@ -151,12 +152,16 @@ def _why_not(job: JobStatus, number: int) -> Problem:
     return Problem(Kind.NOT_FOUND, f"the job has {len(job.pairs)} pairs, counted from 0")
 
 
-def _shown(job: JobStatus, service: Service) -> JobShown:
+def _address(http_request: Request, job: str) -> str:
+    return f"{http_request.scope['root_path']}/v1/jobs/{job}"
+
+
+def _shown(job: JobStatus, service: Service, address: str) -> JobShown:
     states = {pair.status for pair in job.pairs}
-    begun = states - {"waiting"}
+    started = states - {"waiting"}
     return JobShown(
         id=job.id,
-        status=("running" if begun else "waiting") if states & set(UNFINISHED) else "done",
+        status=("running" if started else "waiting") if states & set(UNFINISHED) else "done",
         preset=job.preset,
         created=_utc(job.created),
         expires=_utc(job.created + service.limits.keep_job_seconds),
@@ -165,9 +170,7 @@ def _shown(job: JobStatus, service: Service) -> JobShown:
                 number=pair.number,
                 status=pair.status,
                 problem=pair.problem,
-                result=f"/v1/jobs/{job.id}/results/{pair.number}"
-                if pair.status == "done"
-                else None,
+                result=f"{address}/results/{pair.number}" if pair.status == "done" else None,
             )
             for pair in job.pairs
         ],

@@ -1,4 +1,4 @@
-"""Compares the pairs of jobs, one after the other, between the requests that people wait for."""
+"""Compares the pairs of jobs one by one, in turn with the requests that somebody waits for."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from zeroscd.errors import ZeroscdError
 from zeroscd.export.changes import changes_json
 from zeroscd.export.pictures import png
 from zeroscd.serve.job_store import Finished
+from zeroscd.serve.problems import MISTAKE
 from zeroscd.serve.worker import CancelToken
 
 if TYPE_CHECKING:
@@ -19,8 +20,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-REST_SECONDS = 30.0  # after trouble with the database
-MISTAKE = "the server made a mistake; its log says more"
+RETRY_SECONDS = 30.0  # after an error of the database
 
 
 class JobRunner:
@@ -32,7 +32,7 @@ class JobRunner:
         self._new = asyncio.Event()
 
     def wake(self) -> None:
-        """Say that there is something to do; call it in the event loop."""
+        """Tell the runner that a job was added; call it in the event loop."""
         self._new.set()
 
     async def run(self) -> None:
@@ -42,8 +42,8 @@ class JobRunner:
                 await asyncio.to_thread(self._store.recover)
                 await self._work()
             except sqlite3.Error:  # a full disk, mostly; what was acknowledged is still there
-                log.exception("jobs rest for %.0f seconds", REST_SECONDS)
-                await asyncio.sleep(REST_SECONDS)
+                log.exception("no job is run for %.0f seconds", RETRY_SECONDS)
+                await asyncio.sleep(RETRY_SECONDS)
 
     async def _work(self) -> None:
         while True:
@@ -65,12 +65,12 @@ class JobRunner:
             await asyncio.to_thread(self._store.finish, work, answer.result())
         elif isinstance(error, ZeroscdError):
             await asyncio.to_thread(self._store.fail, work, str(error))
-        else:  # one pair's accident must not end all other jobs
+        else:  # one pair's error must not end all other jobs
             log.error("pair %d of job %s", work.number, work.job, exc_info=error)
             await asyncio.to_thread(self._store.fail, work, MISTAKE)
 
     def _result_of(self, work: Work) -> Finished:
-        ask = self._service.ask(work.preset, work.values)
-        evidence = self._service.gather(work.photos, ask, CancelToken())
-        result = self._service.decide(evidence, ask)
+        request = self._service.request(work.preset, work.values)
+        evidence = self._service.gather(work.photos, request, CancelToken())
+        result = self._service.decide(evidence, request)
         return Finished(changes_json(result), png(result.mask))

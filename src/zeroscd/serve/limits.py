@@ -1,4 +1,4 @@
-"""What a server takes, keeps and waits for at most."""
+"""How much a server accepts, how long it waits, and how much it keeps."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Limits:
     Attributes:
         photo_bytes: Size of one uploaded file.
         photo_pixels: Width times height, read from the header before anything is decoded.
-        jpeg_scans: Passes over the picture that a JPEG may ask of its decoder. Cameras write 1,
-            the web about 10; thousands of empty ones are an old way to keep a server busy.
+        jpeg_scans: Scans of a progressive JPEG. Cameras write 1, web tools about 10; files with
+            thousands of empty ones are an old way to keep a server busy.
         waiting: Requests that may wait for the one worker; more get 429.
         upload_seconds: For the whole body of a request to arrive.
         answer_seconds: From the last byte of a request to its answer.
@@ -26,9 +26,9 @@ class Limits:
         job_bytes: Photos of one job together.
         stored_pairs: Pairs of all jobs that are kept or wait; more get 429.
         stored_bytes: What all jobs may hold together on disk; more get 429.
-        keep_job_seconds: From when a job was sent until it and its results are forgotten.
-        keep_page_seconds: From the last use of a photo or result of the page, likewise.
-        page_bytes: Memory for the photos and results of all visitors of the page together.
+        keep_job_seconds: From when a job was sent until it and its results are deleted.
+        keep_comparison_seconds: From the last use of a comparison until it is deleted.
+        comparison_bytes: Memory for all comparisons that are kept.
     """
 
     photo_bytes: int = 25 * MEGA
@@ -42,18 +42,20 @@ class Limits:
     stored_pairs: int = 1000
     stored_bytes: int = 4000 * MEGA
     keep_job_seconds: float = 24 * 3600.0
-    keep_page_seconds: float = 15 * 60.0
-    page_bytes: int = 600 * MEGA
+    keep_comparison_seconds: float = 15 * 60.0
+    comparison_bytes: int = 600 * MEGA
 
     @property
     def photo(self) -> PhotoLimits:
-        """The same for the reader of photos."""
+        """The limits that `read_photo` checks."""
         return PhotoLimits(max_pixels=self.photo_pixels, max_file_bytes=self.photo_bytes)
 
     def body_bytes(self, path: str) -> int:
         """Return how large the body of a request to this path may be."""
-        return {
-            "/v1/detect": 2 * self.photo_bytes + FORM_BYTES,
-            "/v1/jobs": self.job_bytes + FORM_BYTES,
-            "/pagedata/photos": self.photo_bytes,
-        }.get(path, FORM_BYTES)
+        pair_bytes = 2 * self.photo_bytes
+        photos = {
+            "/v1/detect": pair_bytes,
+            "/v1/comparisons": pair_bytes,
+            "/v1/jobs": self.job_bytes,
+        }
+        return photos.get(path, 0) + FORM_BYTES

@@ -1,4 +1,4 @@
-"""What every request passes first: the key, the size and pace of its body, plain headers."""
+"""What every request passes first: the key, limits on its body, headers of its answer."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from starlette.datastructures import Headers, MutableHeaders
 
+from zeroscd.serve.path_prefix import local_path
 from zeroscd.serve.problems import Kind, Problem, answer
 
 if TYPE_CHECKING:
@@ -19,32 +20,14 @@ if TYPE_CHECKING:
     from zeroscd.serve.limits import Limits
     from zeroscd.serve.metrics import Metrics
 
-OPEN_PATHS = ("/healthz", "/readyz")  # whoever watches over the process needs no key
-MAX_DRAINED = 8  # times the limit: so much of a body that is too large is read and thrown away
+OPEN_PATHS = ("/healthz", "/readyz")  # for probes, which have no key
+MAX_DRAINED = 8  # times the limit: how much of a body that is too large is read and dropped
 
-# The browser refuses to contact any other host, whatever a script on the page tries. Gradio
-# starts with inline scripts and compiles templates.
+# Scripts and styles come from our own files, and the page talks to this server only. `blob:` is
+# how a chosen photo is shown before it is sent.
 CONTENT_SECURITY_POLICY = (
-    "default-src 'self'; img-src 'self' data: blob:; font-src 'self' data:; "
-    "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
-    "connect-src 'self'; frame-ancestors 'self'; base-uri 'self'; form-action 'self'"
-)
-
-# Of Gradio's some forty addresses, those that our page uses; uploads go through ours.
-PAGE_PATHS = (
-    "/page/config",
-    "/page/theme.css",
-    "/page/favicon.ico",
-    "/page/manifest.json",
-    "/page/assets/",
-    "/page/static/",
-    "/page/svelte/",
-    "/page/gradio_api/theme.css",
-    "/page/gradio_api/startup-events",
-    "/page/gradio_api/queue/",
-    "/page/gradio_api/heartbeat/",
-    "/page/gradio_api/cancel",
-    "/page/gradio_api/reset",
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+    "connect-src 'self'; frame-ancestors 'self'; base-uri 'none'; form-action 'self'"
 )
 
 
@@ -52,11 +35,11 @@ class Middleware:
     """Wraps an application.
 
     Args:
-        app: Answers what gets through.
+        app: Handles the requests that pass.
         limits: For sizes and times.
-        keys: One of them must come along, if there are any.
+        keys: If any, every request must bring one of them.
         metrics: Counts the answers.
-        admit: Raises Problem while no more work of this path can be taken.
+        admit: Called with the path; raises Problem while the queue for it is full.
     """
 
     def __init__(
@@ -75,39 +58,37 @@ class Middleware:
         self._admit = admit
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request that may not pass; let the others through."""
+        """Refuse a request or pass it on."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        polite = self._polite(scope, send)
+        send_secured = self._with_headers(scope, send)
         refusal = self._refusal(scope)
         if refusal is not None:
-            await answer(refusal)(scope, receive, polite)
+            await answer(refusal)(scope, receive, send_secured)
             return
         body = Body(scope, receive, self._limits, self._admit)
-        await self._app(scope, body.receive, polite)
+        await self._app(scope, body.receive, send_secured)
 
     def _refusal(self, scope: Scope) -> Problem | None:
-        path = scope["path"]
-        if path.startswith("/page/") and path != "/page/" and not path.startswith(PAGE_PATHS):
-            return Problem(Kind.NOT_FOUND, "the page does not use this address")
+        path = local_path(scope)
         if path in OPEN_PATHS or not self._keys or self._has_key(Headers(scope=scope)):
             return None
-        asked = "Bearer" if path.startswith("/v1/") else 'Basic realm="zeroscd"'
+        challenge = "Bearer" if path.startswith("/v1/") else 'Basic realm="zeroscd"'
         message = (
             "send a key as `Authorization: Bearer KEY` or `X-API-Key: KEY`; "
             "in a browser, give it as the password"
         )
         return Problem(
-            Kind.NO_KEY, message, headers={"WWW-Authenticate": asked, "Connection": "close"}
+            Kind.NO_KEY, message, headers={"WWW-Authenticate": challenge, "Connection": "close"}
         )
 
     def _has_key(self, headers: Headers) -> bool:
-        given = [_sent(headers.get("x-api-key", "")), _credentials(headers)]
+        given = [_as_sent(headers.get("x-api-key", "")), _credentials(headers)]
         return any(hmac.compare_digest(one, key) for one in given for key in self._keys)
 
-    def _polite(self, scope: Scope, send: Send) -> Send:
-        async def polite(message: Message) -> None:
+    def _with_headers(self, scope: Scope, send: Send) -> Send:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 headers["X-Content-Type-Options"] = "nosniff"
@@ -117,16 +98,16 @@ class Middleware:
                 self._metrics.count(scope, message["status"])
             await send(message)
 
-        return polite
+        return send_with_headers
 
 
 class Body:
-    """Hands out the body of a request while it is small enough and arrives in time."""
+    """Passes on the body of a request while it is small enough and arrives in time."""
 
     def __init__(
         self, scope: Scope, receive: Receive, limits: Limits, admit: Callable[[str], None]
     ) -> None:
-        self._path: str = scope["path"] if scope["method"] == "POST" else ""
+        self._path: str = local_path(scope) if scope["method"] == "POST" else ""
         self._headers = Headers(scope=scope)
         self._receive = receive
         self._most = limits.body_bytes(self._path)
@@ -173,7 +154,7 @@ class Body:
         return message
 
     async def _refuse(self, problem: Problem) -> None:
-        """Read on for a while before saying no.
+        """Read on for a while before refusing.
 
         A client that is still sending when the connection closes never reads the answer. One that
         asked first (`Expect: 100-continue`) has sent nothing yet.
@@ -197,7 +178,7 @@ def _credentials(headers: Headers) -> bytes:
     """Return the bearer token, or the password that a browser sends."""
     scheme, _, value = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
-        return _sent(value.strip())
+        return _as_sent(value.strip())
     if scheme.lower() != "basic":
         return b""
     try:
@@ -206,6 +187,6 @@ def _credentials(headers: Headers) -> bytes:
         return b""
 
 
-def _sent(value: str) -> bytes:
+def _as_sent(value: str) -> bytes:
     """Return the bytes of a header as the client sent them; the framework reads them as latin-1."""
     return value.encode("latin-1")

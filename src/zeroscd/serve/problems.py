@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 MEDIA_TYPE = "application/problem+json"
 URN = "urn:zeroscd:problem:"
+MISTAKE = "the server made a mistake; its log says more"
 
 
 class Kind(StrEnum):
-    """What may go wrong; `type` in the document is URN + kind."""
+    """What can go wrong; `type` in the document is URN + kind."""
 
     BAD_REQUEST = "bad-request"
     NO_KEY = "no-key"
@@ -50,7 +51,7 @@ KINDS: dict[Kind, tuple[int, str]] = {
     Kind.WRONG_METHOD: (405, "This address does not answer that method"),
     Kind.NOT_ACCEPTABLE: (406, "This answer exists as JSON and as PNG only"),
     Kind.SLOW_UPLOAD: (408, "The request took too long to arrive"),
-    Kind.NOT_DONE: (409, "The pair has no result yet"),
+    Kind.NOT_DONE: (409, "There is no result yet"),
     Kind.TOO_LARGE: (413, "More bytes than this server takes"),
     Kind.UNKNOWN_FORMAT: (415, "Not a JPEG, PNG or WebP file"),
     Kind.BAD_FIELDS: (422, "A field is missing or wrong"),
@@ -80,7 +81,7 @@ class Problem(HTTPException):
 
 
 def problem_of(error: ZeroscdError) -> Problem:
-    """Return the problem that one of our own errors is for whoever sent the request."""
+    """Return one of our own errors as a problem of the request."""
     if isinstance(error, ImageError):
         return Problem(Kind.BAD_PHOTO, str(error))
     if isinstance(error, SettingsError):
@@ -121,9 +122,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(Exception)
     async def _mistake(_: Request, __: Exception) -> JSONResponse:
-        return answer(
-            Problem(Kind.FAILED, "this is our fault, not yours; the server's log says why")
-        )
+        return answer(Problem(Kind.FAILED, MISTAKE))
 
 
 def described(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -154,7 +153,7 @@ def _from_framework(error: HTTPException) -> Problem:
 
 
 def _sentences(error: RequestValidationError) -> str:
-    """Name each field and what is wrong with it, without repeating what was sent."""
+    """Name each field and what is wrong with it, without echoing its value."""
     found = (
         f"{'.'.join(str(part) for part in entry['loc'][1:]) or 'body'}: {entry['msg']}"
         for entry in error.errors()

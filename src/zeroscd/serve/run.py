@@ -1,4 +1,4 @@
-"""Start a server: an address, folders of its own, models, and then requests."""
+"""Start a server: take its address and folder, load the models, answer requests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from filelock import FileLock, Timeout
 from zeroscd.detector import Detector
 from zeroscd.errors import OutputError, SettingsError
 from zeroscd.serve.app import make_app
-from zeroscd.serve.connection import PatientConnection
+from zeroscd.serve.connection import TimedConnection
 from zeroscd.serve.service import Service
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ GRACE_SECONDS = 10  # for open requests when the server is asked to stop
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """How a server is to run.
+    """Options of a server.
 
     Attributes:
         host: Address to listen at.
@@ -39,6 +39,7 @@ class Plan:
         keys: If any, every request must bring one.
         state: Folder for jobs and temporary files.
         limits: Of every request.
+        root_path: Path prefix under which a proxy publishes the server; "" for none.
     """
 
     host: str
@@ -48,6 +49,7 @@ class Plan:
     keys: Sequence[str]
     state: Path
     limits: Limits
+    root_path: str = ""
 
 
 def serve(plan: Plan, *, ready: Callable[[str], None]) -> None:
@@ -64,13 +66,14 @@ def serve(plan: Plan, *, ready: Callable[[str], None]) -> None:
     """
     listening = listen(plan.host, plan.port)
     with listening, _owned(plan.state):
-        # Gradio and the parser of forms ask here where temporary files go.
+        # The parser of forms writes its temporary files here.
         tempfile.tempdir = str(clean_spool(plan.state))
         detectors = {name: Detector.from_preset(name, device=plan.device) for name in plan.presets}
-        app = make_app(Service(detectors, plan.limits), plan.state, keys=plan.keys)
+        service = Service(detectors, plan.limits)
+        app = make_app(service, plan.state, keys=plan.keys, root_path=plan.root_path)
         config = uvicorn.Config(
             app,
-            http=PatientConnection,
+            http=TimedConnection,
             ws="none",
             log_level="warning",
             access_log=False,

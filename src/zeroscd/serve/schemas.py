@@ -53,13 +53,13 @@ class ProblemDocument(BaseModel):
 class PhotoSize(BaseModel):
     """A photo that was compared."""
 
-    path: None = Field(description="Always null: the name of an uploaded file is not looked at.")
+    path: None = Field(description="Always null: the name of an uploaded file is ignored.")
     width: int = Field(ge=1, examples=[768])
     height: int = Field(ge=1, examples=[640])
 
 
 class AlignmentFound(BaseModel):
-    """How the two photos lie over each other."""
+    """How pixels of one photo map to the other."""
 
     t1_from_t0: list[list[float]] | None = Field(
         description="3 x 3 homography in pixels, or null where none can be trusted."
@@ -123,8 +123,35 @@ class Presets(BaseModel):
     )
 
 
+class ResultShown(BaseModel):
+    """One result of a comparison: what one choice of thresholds makes of the photos."""
+
+    number: int = Field(ge=1, description="Counts the results; only the latest is kept.")
+    summary: str = Field(examples=["2 regions added, 1 removed; 3.1 % of the scene changed"])
+    regions: Count
+    files: dict[str, str] = Field(
+        description="Addresses by file name.",
+        examples=[
+            {"changes.json": "/v1/comparisons/Vv3nO1kq0iE9yq0xU7bN3w/results/1/changes.json"}
+        ],
+    )
+
+
+class ComparisonShown(BaseModel):
+    """The status of a comparison."""
+
+    id: str = Field(examples=["Vv3nO1kq0iE9yq0xU7bN3w"])
+    preset: str = Field(examples=["lite"])
+    status: Literal["waiting", "running", "done", "failed"]
+    step: Literal["wait", "read", "encode", "compare", "decide", "draw"]
+    percent: int = Field(ge=0, le=100, description="Progress, roughly.")
+    ahead: Count = Field(description="How many requests are served before this one starts.")
+    problem: str | None = Field(description="Why it failed, or null.")
+    result: ResultShown | None = Field(description="The latest one, or null.")
+
+
 class PairShown(BaseModel):
-    """Where one pair of a job stands."""
+    """The status of one pair of a job."""
 
     number: Count
     status: Literal["waiting", "running", "done", "failed"]
@@ -133,7 +160,7 @@ class PairShown(BaseModel):
 
 
 class JobShown(BaseModel):
-    """Where a job stands."""
+    """The status of a job."""
 
     id: str = Field(examples=["Vv3nO1kq0iE9yq0xU7bN3w"])
     status: Literal["waiting", "running", "done"] = Field(
@@ -141,11 +168,11 @@ class JobShown(BaseModel):
     )
     preset: str = Field(examples=["lite"])
     created: str = Field(description="UTC.", examples=["2026-11-22T09:30:00Z"])
-    expires: str = Field(description="UTC; then job and results are forgotten.")
+    expires: str = Field(description="UTC; then job and results are deleted.")
     pairs: list[PairShown]
 
 
 class Health(BaseModel):
-    """A sign of life."""
+    """The server works."""
 
     status: Literal["ok"]

@@ -1,11 +1,11 @@
-"""What the server does for REST, jobs and page alike: photos in, evidence and results out."""
+"""What single requests, jobs and comparisons share: photos in, evidence and results out."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from zeroscd.errors import SettingsError
 from zeroscd.images.read import read_photo
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-LOOK_SECONDS = 1.0  # between two looks whether the client is still there
+Step: TypeAlias = Literal["wait", "read", "encode", "compare", "decide", "draw"]
+
+POLL_SECONDS = 1.0  # between two checks whether the client is still connected
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,7 @@ class DetectRequest:
 
     Attributes:
         preset: One of those that are served.
-        settings: The preset's, with the thresholds that were asked for.
+        settings: The preset's, with the thresholds of the request.
     """
 
     preset: str
@@ -76,8 +78,8 @@ class Service:
         """The preset of requests that name none."""
         return next(iter(self.detectors))
 
-    def ask(self, preset: str | None, values: Mapping[str, object]) -> DetectRequest:
-        """Combine a served preset with thresholds of one's own.
+    def request(self, preset: str | None, values: Mapping[str, object]) -> DetectRequest:
+        """Combine a served preset with the thresholds of a request.
 
         Raises:
             SettingsError: The preset is not served, a setting is no threshold, or its value is
@@ -96,42 +98,44 @@ class Service:
     def gather(
         self,
         photos: PhotoPair,
-        ask: DetectRequest,
+        request: DetectRequest,
         cancel_token: CancelToken,
-        tell: Callable[[str], None] | None = None,
+        report: Callable[[Step], None] = lambda _: None,
     ) -> Evidence:
-        """Read and compare two photos; runs in the worker's thread.
+        """Decode, encode and compare two photos; runs in the worker's thread.
 
         Args:
-            photos: Checked at the door, not decoded yet.
-            ask: Whose preset counts.
-            cancel_token: Asked between the steps whether anybody still waits.
-            tell: Called with the name of each step.
+            photos: Checked by `check_photo`, not decoded yet.
+            request: Only its preset counts here.
+            cancel_token: Checked between the steps.
+            report: Called with the name of each step before it starts.
 
         Raises:
             ImageError: A photo is damaged.
         """
-        detector, clock, say = self.detectors[ask.preset], StageTimer(), tell or (lambda _: None)
-        say("read")
-        with clock.stage("read"):
+        detector, timer = self.detectors[request.preset], StageTimer()
+        report("read")
+        with timer.stage("read"):
             pair = [self._read(photos.before, "before"), self._read(photos.after, "after")]
         cancel_token.check()
-        say("look")
-        with clock.stage("encode"):
-            views = detector.encode(pair)
+        report("encode")
+        with timer.stage("encode"):
+            encoded = detector.encode(pair)
         cancel_token.check()
-        say("compare")
-        evidence = detector.compare(*views)
+        report("compare")
+        evidence = detector.compare(*encoded)
         cancel_token.check()
-        return replace(evidence, seconds={**clock.seconds, **evidence.seconds})
+        return replace(evidence, seconds={**timer.seconds, **evidence.seconds})
 
-    def decide(self, evidence: Evidence, ask: DetectRequest) -> ChangeResult:
+    def decide(self, evidence: Evidence, request: DetectRequest) -> ChangeResult:
         """Turn evidence into a result; runs in the worker's thread."""
-        result = self.detectors[ask.preset].decide(evidence, ask.settings)
+        result = self.detectors[request.preset].decide(evidence, request.settings)
         self.metrics.time(result.seconds)
         return result
 
-    async def wait_for(self, task: Future[T], cancel_token: CancelToken, request: Request) -> T:
+    async def wait_for(
+        self, task: Future[T], cancel_token: CancelToken, http_request: Request
+    ) -> T:
         """Wait for a task as long as its client does, and not too long.
 
         Raises:
@@ -141,20 +145,20 @@ class Service:
         loop = asyncio.get_running_loop()
         end = loop.time() + self.limits.answer_seconds
         try:
-            while not (await asyncio.wait({answer}, timeout=LOOK_SECONDS))[0]:
+            while not (await asyncio.wait({answer}, timeout=POLL_SECONDS))[0]:
                 if loop.time() > end:
                     most = self.limits.answer_seconds
                     text = f"no answer within {most:.0f} seconds; try again later or send a job"
                     raise Problem(Kind.TOO_SLOW, text, headers={"Retry-After": "60"})
-                if await request.is_disconnected():
+                if await http_request.is_disconnected():
                     raise Problem(Kind.SLOW_UPLOAD, "the client is gone")
             return answer.result()
         finally:
-            cancel_token.give_up()
+            cancel_token.cancel()
             answer.cancel()
 
     def _read(self, data: bytes, when: str) -> Rgb:
-        # The name is for what may be wrong; only the pixels go on: results know no path here.
+        # The name is for error messages only; results of the server hold no path.
         return read_photo(data, limits=self.limits.photo, name=f"the photo {when}").pixels
 
 

@@ -1,4 +1,4 @@
-"""One thread does the heavy work, in the order of asking; only so many may wait for it."""
+"""One thread does the heavy work, first come, first served; only so many tasks may wait."""
 
 from __future__ import annotations
 
@@ -15,52 +15,51 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-FIRST_GUESS_SECONDS = 2.0  # of a task, before one was timed
+INITIAL_SECONDS = 2.0  # assumed for a task before one was timed
 MEMORY = 0.8  # weight of the past in the running mean of a task's time
 MAX_RETRY_SECONDS = 120
 
 
 class CancelToken:
-    """Whether anybody still waits for a task; it asks between its steps."""
+    """Cancels a task that is already running: it checks the token between its steps."""
 
     def __init__(self) -> None:
-        self._gone = threading.Event()
+        self._cancelled = threading.Event()
 
-    def give_up(self) -> None:
-        """Say that nobody waits any more."""
-        self._gone.set()
+    def cancel(self) -> None:
+        """Cancel the task: nobody waits for it any more."""
+        self._cancelled.set()
 
     def check(self) -> None:
-        """Stop the task here if nobody waits.
+        """Stop the task here if it was cancelled.
 
         Raises:
-            CancelledError: Nobody does.
+            CancelledError: It was.
         """
-        if self._gone.is_set():
+        if self._cancelled.is_set():
             raise CancelledError
 
 
 class Worker:
-    """A thread for what needs all processors; networks gain nothing from running side by side."""
+    """A thread for work that uses all cores; networks gain nothing from running in parallel."""
 
     def __init__(self, *, max_waiting: int) -> None:
         self._max_waiting = max_waiting
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="zeroscd-work")
-        self._tasks: set[Future[Any]] = set()
+        self._tasks: dict[Future[Any], None] = {}  # in the order of submission
         self._lock = threading.Lock()
-        self._mean_seconds = FIRST_GUESS_SECONDS
+        self._mean_seconds = INITIAL_SECONDS
 
     @property
     def waiting(self) -> int:
-        """How many tasks have not begun."""
-        with self._lock:
-            return sum(not task.running() and not task.done() for task in self._tasks)
+        """How many tasks have not started."""
+        return len(self._queue())
 
     def admit(self) -> None:
         """Check that one more task may wait.
 
         Raises:
-            Problem: Too many do; says when to come again.
+            Problem: Too many do; says when to try again.
         """
         waiting = self.waiting
         if waiting < self._max_waiting:
@@ -70,11 +69,11 @@ class Worker:
         raise Problem(Kind.BUSY, message, headers={"Retry-After": str(seconds)})
 
     def submit(self, work: Callable[[], T], *, always: bool = False) -> Future[T]:
-        """Let a task wait for its turn.
+        """Queue a task.
 
         Args:
             work: Called in the worker's thread.
-            always: Even if too many wait; for work that was promised.
+            always: Even if too many wait; for work that was acknowledged.
 
         Raises:
             Problem: Too many wait.
@@ -83,17 +82,22 @@ class Worker:
             self.admit()
         task = self._pool.submit(self._timed, work)
         with self._lock:
-            self._tasks.add(task)
+            self._tasks[task] = None
         task.add_done_callback(self._forget)
         return task
 
     def ahead_of(self, task: Future[T]) -> int:
-        """Return how many tasks a waiting one must let go first; 0 when it has begun."""
-        return 0 if task.running() or task.done() else max(0, self.waiting - 1)
+        """Return how many of the waiting tasks start before this one; 0 once it has started."""
+        queue = self._queue()
+        return queue.index(task) if task in queue else 0
 
     def stop(self) -> None:
-        """Finish the task at hand and drop those that wait."""
+        """Finish the running task and drop those that wait."""
         self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _queue(self) -> list[Future[Any]]:
+        with self._lock:
+            return [task for task in self._tasks if not task.running() and not task.done()]
 
     def _timed(self, work: Callable[[], T]) -> T:
         start = time.perf_counter()
@@ -104,4 +108,4 @@ class Worker:
 
     def _forget(self, task: Future[T]) -> None:
         with self._lock:
-            self._tasks.discard(task)
+            self._tasks.pop(task, None)

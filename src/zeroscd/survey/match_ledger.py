@@ -1,4 +1,4 @@
-"""Matches on disk, so that a killed survey does not look them up again."""
+"""What was found for each new photo, on disk, so that a survey that was killed looks on."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FILE = "matches.jsonl"
 
 
 class MatchLedger(Ledger[PhotoMatch]):
-    """A file of matches, each under a digest of all that it was computed from.
+    """A line for each match, under a key of all that it was found from.
 
     Args:
         folder: Where the file lies; it must exist.

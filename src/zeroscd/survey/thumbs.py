@@ -1,4 +1,4 @@
-"""Thumbnails of both photos of a pair, which the page loads when they come into view."""
+"""Small pictures of both photos of a pair, for the page to load when they come into view."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from zeroscd.survey.compared_pairs import ComparedPair
 
 FOLDER = "thumbs"
-MAX_SIDE_PX = 480  # twice a card's width on a phone: sharp there, small enough for a thousand
+LONGEST_PX = 480  # twice what a card shows on a phone: sharp there, small enough for a thousand
 QUALITY = 72
 TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class Thumb:
-    """A thumbnail.
+    """A small picture.
 
     Attributes:
-        file: Its path relative to the page; None if the photo can no longer be read.
+        file: Relative to the page; None if the photo cannot be read any more.
         size_hw: Height and width of the photo itself, in whose pixels outlines are given.
     """
 
@@ -37,7 +37,7 @@ class Thumb:
 
 
 def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, tuple[Thumb, Thumb]]:
-    """Write thumbnails of both photos of each pair; return them by the pair's name.
+    """Write thumbnails of the photos before and after of each pair; by name of the pair.
 
     Raises:
         OSError: The folder cannot be written.
@@ -66,9 +66,9 @@ def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, tup
 def _draw(address: str, file: str, folder: Path, fetch: Fetcher) -> Thumb:
     try:
         photo = read_photo(fetch(address))
-    except ImageError:  # gone since it was compared; the page shows its address instead
+    except ImageError:  # it was there when it was compared; the page can do without
         return Thumb(None, (3, 4))
-    scale = min(1.0, MAX_SIDE_PX / max(photo.size_hw))
+    scale = min(1.0, LONGEST_PX / max(photo.size_hw))
     height, width = (max(1, round(side * scale)) for side in photo.size_hw)
     (folder / file).write_bytes(jpeg(resize(photo.pixels, (height, width)), quality=QUALITY))
     return Thumb(file, photo.size_hw)

@@ -1,1 +1,0 @@
-"""The page: two photos in the browser, what changed, and thresholds to move."""
