@@ -41,7 +41,7 @@ def _environment() -> Environment:
         auto_reload=False,
     )
     environment.globals |= {"version": __version__, "inline": _inline, "digest": _digest}
-    environment.filters |= {"svg_path": svg_path, "nbsp": _nbsp, "count": _count}
+    environment.filters |= {"svg_path": svg_path, "nbsp": _nbsp, "counted": _counted}
     return environment
 
 
@@ -60,5 +60,5 @@ def _nbsp(text: str) -> str:
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

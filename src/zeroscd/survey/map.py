@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from html import escape
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from zeroscd.retrieval.gps import METRES_A_DEGREE
@@ -21,34 +21,66 @@ MIN_DOT, MAX_DOT = 9.0, 26.0  # radii
 BAR_SHARE = 0.25  # of the width, at most, for the scale bar
 
 
-def draw_map(compared: Sequence[ComparedPair]) -> str:
-    """Draw a dot for every place that says where it is, larger where more changed, as SVG."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dot:
+    """One place on the map.
+
+    Attributes:
+        rank: Of its card, 1 being the worst.
+        name: Of the pair.
+        x: To the right, in units of the drawing.
+        y: Downwards.
+        radius: Larger where more changed.
+    """
+
+    rank: int
+    name: str
+    x: float
+    y: float
+    radius: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceMap:
+    """The drawing: dots, and a scale bar.
+
+    Attributes:
+        size_hw: In units of the drawing.
+        dots: The worst last, so that it lies on top.
+        bar: Length of the scale bar, in units of the drawing.
+        bar_text: The same in metres or kilometres.
+    """
+
+    size_hw: tuple[float, float]
+    dots: Sequence[Dot]
+    bar: float
+    bar_text: str
+
+
+def place_map(compared: Sequence[ComparedPair]) -> PlaceMap | None:
+    """Lay out a dot for every place that says where it is; None if no place does."""
     located = [
         (rank, one) for rank, one in enumerate(compared, 1) if one.pair["latitude"] is not None
     ]
     if not located:
-        return '<p class="none">No photo says where it was taken, so there is no map.</p>'
+        return None
     middle, span_m, shape = _frame([one for _, one in located])
-    scale = (WIDTH - 2 * MARGIN) / span_m
-    height = WIDTH * shape
+    scale, height = (WIDTH - 2 * MARGIN) / span_m, WIDTH * shape
     most = max(one.severity for _, one in located) or 1.0
     dots = []
-    for rank, one in reversed(located):  # the worst on top
+    for rank, one in reversed(located):
         east_m, north_m = _offset_m(middle, one)
-        x, y = WIDTH / 2 + scale * east_m, height / 2 - scale * north_m
-        radius = MIN_DOT + (MAX_DOT - MIN_DOT) * math.sqrt(one.severity / most)
-        name = escape(one.name)
-        dots.append(
-            # Not in the tab order: the list below has the same places, in a better one.
-            f'<a href="#place-{rank}" data-place="{rank}" tabindex="-1">'
-            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}"><title>{rank}: {name}</title>'
-            "</circle></a>"
+        dot = Dot(
+            rank=rank,
+            name=one.name,
+            x=WIDTH / 2 + scale * east_m,
+            y=height / 2 - scale * north_m,
+            radius=MIN_DOT + (MAX_DOT - MIN_DOT) * math.sqrt(one.severity / most),
         )
-    return (
-        f'<svg class="map" viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="group" '
-        f'aria-label="Map of the changed places, north up">{"".join(dots)}'
-        f"{_bar(scale, height)}</svg>"
-    )
+        dots.append(dot)
+    bar_m = round_below(BAR_SHARE * WIDTH / scale)
+    text = f"{bar_m / 1000:g} km" if bar_m >= 1000 else f"{bar_m:g} m"  # noqa: PLR2004
+    return PlaceMap(size_hw=(height, WIDTH), dots=dots, bar=scale * bar_m, bar_text=text)
 
 
 def _frame(compared: Sequence[ComparedPair]) -> tuple[tuple[float, float], float, float]:
@@ -76,17 +108,6 @@ def _offset_m(middle: tuple[float, float], one: ComparedPair) -> tuple[float, fl
 
 def _turn(degrees: float) -> float:
     return (degrees + 180.0) % 360.0 - 180.0
-
-
-def _bar(scale: float, height: float) -> str:
-    length_m = round_below(BAR_SHARE * WIDTH / scale)
-    text = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m:g} m"  # noqa: PLR2004
-    end = 20 + scale * length_m
-    return (
-        f'<g class="bar-m" aria-hidden="true"><path d="M20,{height - 30:.1f}v10H{end:.1f}v-10"/>'
-        f'<text x="{end + 12:.1f}" y="{height - 18:.1f}">{text}</text>'
-        f'<text x="{WIDTH - 40:.0f}" y="40">N &#8593;</text></g>'
-    )
 
 
 def round_below(value: float) -> float:
