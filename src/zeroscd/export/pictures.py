@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
+from zeroscd.images.resizing import resize
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -31,6 +33,13 @@ def png(pixels: Rgb | Mask | NDArray[np.uint8]) -> bytes:
 def jpeg(pixels: Rgb, *, quality: int) -> bytes:
     """Write a photo as JPEG."""
     return _encoded(pixels, "JPEG", quality=quality)
+
+
+def thumbnail(photo: Rgb, *, longest_px: int) -> Rgb:
+    """Return a photo with its longer side at most `longest_px`, (h, w, 3)."""
+    height, width = photo.shape[:2]
+    scale = min(1.0, longest_px / max(height, width))
+    return resize(photo, (max(1, round(height * scale)), max(1, round(width * scale))))
 
 
 def data_uri(content: bytes) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from zeroscd.retrieval.gps import METRES_A_DEGREE
 
@@ -21,17 +21,8 @@ MIN_DOT, MAX_DOT = 9.0, 26.0  # radii
 BAR_SHARE = 0.25  # of the width, at most, for the scale bar
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dot:
-    """One place on the map.
-
-    Attributes:
-        rank: Of its card, 1 being the worst.
-        name: Of the pair.
-        x: To the right, in units of the drawing.
-        y: Downwards.
-        radius: Larger where more changed.
-    """
+class Dot(NamedTuple):
+    """A place as a circle, in units of the drawing; `rank` 1 changed most."""
 
     rank: int
     name: str
@@ -42,14 +33,7 @@ class Dot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceMap:
-    """The drawing: dots, and a scale bar.
-
-    Attributes:
-        size_hw: In units of the drawing.
-        dots: The worst last, so that it lies on top.
-        bar: Length of the scale bar, in units of the drawing.
-        bar_text: The same in metres or kilometres.
-    """
+    """The drawing: dots, the worst last so that it lies on top, and a scale bar."""
 
     size_hw: tuple[float, float]
     dots: Sequence[Dot]
@@ -70,14 +54,9 @@ def place_map(compared: Sequence[ComparedPair]) -> PlaceMap | None:
     dots = []
     for rank, one in reversed(located):
         east_m, north_m = _offset_m(middle, one)
-        dot = Dot(
-            rank=rank,
-            name=one.name,
-            x=WIDTH / 2 + scale * east_m,
-            y=height / 2 - scale * north_m,
-            radius=MIN_DOT + (MAX_DOT - MIN_DOT) * math.sqrt(one.severity / most),
-        )
-        dots.append(dot)
+        x, y = WIDTH / 2 + scale * east_m, height / 2 - scale * north_m
+        radius = MIN_DOT + (MAX_DOT - MIN_DOT) * math.sqrt(one.severity / most)
+        dots.append(Dot(rank, one.name, x, y, radius))
     bar_m = round_below(BAR_SHARE * WIDTH / scale)
     text = f"{bar_m / 1000:g} km" if bar_m >= 1000 else f"{bar_m:g} m"  # noqa: PLR2004
     return PlaceMap(size_hw=(height, WIDTH), dots=dots, bar=scale * bar_m, bar_text=text)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from zeroscd.export.files import REPORT
 from zeroscd.pages import render
-from zeroscd.survey.cards import place_card
 from zeroscd.survey.map import place_map
 
 if TYPE_CHECKING:
@@ -47,13 +47,13 @@ def render_page(content: Content) -> str:
     return render(
         "survey.html",
         map=place_map(changed),
-        cards=[
-            place_card(
-                one,
-                content.thumbs[one.name],
-                match=content.matches[one.pair["row"] - 1],
-                has_report=one.name in content.reports,
-            )
+        places=[
+            {
+                "compared": one,
+                "thumbs": content.thumbs[one.name],
+                "match": content.matches[one.pair["row"] - 1],
+                "report": f"{one.name}/{REPORT}" if one.name in content.reports else None,
+            }
             for one in changed
         ],
         only_worst=len(content.cards) == MAX_CARDS < content.everything,

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 from zeroscd.batch.address import Fetcher
 from zeroscd.errors import ImageError
-from zeroscd.export.pictures import jpeg
+from zeroscd.export.pictures import jpeg, thumbnail
 from zeroscd.images.read import read_photo
-from zeroscd.images.resizing import resize
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -68,7 +67,6 @@ def _draw(address: str, file: str, folder: Path, fetch: Fetcher) -> Thumb:
         photo = read_photo(fetch(address))
     except ImageError:  # it was there when it was compared; the page can do without
         return Thumb(None, (3, 4))
-    scale = min(1.0, LONGEST_PX / max(photo.size_hw))
-    height, width = (max(1, round(side * scale)) for side in photo.size_hw)
-    (folder / file).write_bytes(jpeg(resize(photo.pixels, (height, width)), quality=QUALITY))
+    small = thumbnail(photo.pixels, longest_px=LONGEST_PX)
+    (folder / file).write_bytes(jpeg(small, quality=QUALITY))
     return Thumb(file, photo.size_hw)

@@ -15,8 +15,9 @@ import pytest
 from zeroscd.errors import SettingsError
 from zeroscd.evaluation.datasets.catalogue import open_dataset
 from zeroscd.evaluation.metrics import Counts
+from zeroscd.evaluation.report.charts import Chart, Line, span_of
 from zeroscd.evaluation.report.figures import write_figures
-from zeroscd.evaluation.report.page import score_page
+from zeroscd.evaluation.report.page import Page, score_page
 from zeroscd.evaluation.report.panels import (
     FALSE_RGB,
     FOUND_RGB,
@@ -25,7 +26,6 @@ from zeroscd.evaluation.report.panels import (
     choose_pairs,
     error_map,
 )
-from zeroscd.evaluation.report.svg import Chart, Line, span_of
 from zeroscd.evaluation.report.tables import Table
 from zeroscd.evaluation.run import Run, evaluate
 from zeroscd.evaluation.truth import Truth
@@ -88,9 +88,10 @@ def test_latex_escapes_what_it_would_stumble_over() -> None:
 
 
 def test_html_shows_names_as_text_and_not_as_tags() -> None:
-    text = TABLE.to_html()
+    text = Page(title="</title><b>", facts=("<b>",), fine_print=("<b>",), tables=(TABLE,)).to_html()
     assert "R&amp;D_50% &lt;b&gt;" in text
     assert '<tr class="ours"><td>ours</td>' in text
+    assert "<b>" not in text
 
 
 def test_a_chart_puts_points_where_its_ticks_say() -> None:
@@ -172,7 +173,7 @@ def test_the_colours_of_errors_differ_in_brightness_too() -> None:
 class Outline(HTMLParser):
     """Collects what a page refers to, and checks that its tags are closed."""
 
-    VOID = frozenset({"meta", "img", "path", "circle", "polyline"})
+    VOID = frozenset({"meta", "link", "img", "path", "circle", "polyline"})
 
     def __init__(self) -> None:
         super().__init__()
@@ -194,8 +195,11 @@ def test_the_page_holds_everything_and_refers_to_nothing_outside(scores: Scores,
     outline = Outline()
     outline.feed(text)
     assert outline.open == []
-    assert len(outline.sources) == 3 * 5
-    assert all(source.startswith("data:image/jpeg;base64,") for source in outline.sources)
+    icon, *pictures = outline.sources
+    assert icon == "data:,"
+    assert len(pictures) == 3 * 5
+    assert all(source.startswith("data:image/jpeg;base64,") for source in pictures)
+    assert "script-src 'none'" in text
     assert not re.search(r"https?://|url\(", text)
     assert "0.200" in text  # the macro F1 worked out by hand
 

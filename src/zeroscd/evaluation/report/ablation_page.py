@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from zeroscd.evaluation.published import PAPER_ENCODER, PAPER_TAU, VL_CMU_CD
+from zeroscd.evaluation.report.charts import Chart, Line, span_of
 from zeroscd.evaluation.report.page import Page, fine_print, protocol_facts
-from zeroscd.evaluation.report.svg import Chart, Line, span_of
 from zeroscd.evaluation.report.tables import Table, number
 
 if TYPE_CHECKING:

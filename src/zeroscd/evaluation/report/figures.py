@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
+from xml.etree import ElementTree as ET
 
 from zeroscd.errors import OutputError
-from zeroscd.evaluation.report.svg import COLOURS, DASHES
 from zeroscd.output import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+    from xml.etree.ElementTree import Element
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from zeroscd.evaluation.report.charts import Chart
     from zeroscd.evaluation.report.panels import Panel
-    from zeroscd.evaluation.report.svg import Chart
 
-CHART_INCHES = (5.0, 3.2)  # one column of a two-column paper, with its legend
+PX_PER_INCH = 92  # 5 inches wide: one column of a two-column paper
+FONT_PX = 12
+POINTS_A_PX = 72 / PX_PER_INCH
+ALIGNMENTS: dict[str, Literal["left", "center", "right"]] = {
+    "start": "left",
+    "middle": "center",
+    "end": "right",
+}
 PANEL_INCH = 2.0  # side of one picture
 DOTS_PER_INCH = 200
 FORMATS = ("png", "pdf")
@@ -50,37 +59,58 @@ def check_figures() -> None:
     Raises:
         OutputError: Matplotlib is not installed.
     """
-    _new_figure(CHART_INCHES)
+    _new_figure((1, 1), layout="none")
 
 
 def _draw_chart(chart: Chart) -> Figure:
-    figure = _new_figure(CHART_INCHES)
-    axes = figure.add_subplot()
-    for at, line in enumerate(chart.lines):
-        dash = tuple(float(length) for length in DASHES[at % len(DASHES)].split())
-        axes.plot(
-            [x for x, _ in line.points_xy],
-            [y for _, y in line.points_xy],
-            color=COLOURS[at % len(COLOURS)],
-            linestyle=(0, dash) if dash else "-",
-            marker="o" if line.marked else "",
-            label=line.name,
-        )
-    axes.set(
-        title=chart.title,
-        xlabel=chart.x_name,
-        ylabel=chart.y_name,
-        xlim=chart.x_range,
-        ylim=chart.y_range,
-    )
-    axes.grid(visible=True, alpha=0.4)
-    axes.legend(fontsize="small")
+    """Print the drawing of the page, mark by mark."""
+    width, height = chart.size_wh
+    figure = _new_figure((width / PX_PER_INCH, height / PX_PER_INCH), layout="none")
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, width), ylim=(height, 0))
+    axes.set_axis_off()
+    for mark in ET.fromstring(chart.to_svg()):  # noqa: S314 - our own text
+        _DRAW[mark.tag](axes, mark)
     return figure
+
+
+def _line(axes: Axes, mark: Element) -> None:
+    points = [tuple(map(float, point.split(","))) for point in mark.attrib["points"].split()]
+    width = float(mark.attrib["stroke-width"])
+    dash = mark.attrib["stroke-dasharray"].replace("none", "").split()
+    axes.plot(
+        *zip(*points, strict=True),
+        color=mark.attrib["stroke"],
+        linewidth=width * POINTS_A_PX,
+        # Matplotlib counts dashes in widths of their line.
+        linestyle=(0, tuple(float(length) / width for length in dash)) if dash else "-",
+    )
+
+
+def _dot(axes: Axes, mark: Element) -> None:
+    x, y, radius = (float(mark.attrib[name]) for name in ("cx", "cy", "r"))
+    axes.plot([x], [y], "o", color=mark.attrib["fill"], markersize=2 * radius * POINTS_A_PX)
+
+
+def _text(axes: Axes, mark: Element) -> None:
+    axes.text(
+        float(mark.attrib["x"]),
+        float(mark.attrib["y"]),
+        mark.text or "",
+        size=FONT_PX * POINTS_A_PX,
+        weight=mark.attrib["font-weight"],
+        horizontalalignment=ALIGNMENTS[mark.attrib["text-anchor"]],
+        rotation=90 if "transform" in mark.attrib else 0,
+        rotation_mode="anchor",
+    )
+
+
+_DRAW = {"polyline": _line, "circle": _dot, "text": _text}
 
 
 def _draw_panels(panels: Sequence[Panel]) -> Figure:
     columns = max(len(panel.pictures) for panel in panels)
-    figure = _new_figure((PANEL_INCH * columns, PANEL_INCH * len(panels)))
+    figure = _new_figure((PANEL_INCH * columns, PANEL_INCH * len(panels)), layout="constrained")
     grid = figure.subplots(len(panels), columns, squeeze=False)
     for row, panel in zip(grid, panels, strict=True):
         for axes, (title, picture) in zip(row, panel.pictures.items(), strict=True):
@@ -88,18 +118,19 @@ def _draw_panels(panels: Sequence[Panel]) -> Figure:
             axes.set(xticks=[], yticks=[])
             if panel is panels[0]:
                 axes.set_title(title, fontsize="small")
-        f1 = "no change" if panel.f1 is None else f"F1 {panel.f1:.3f}"
-        row[0].set_ylabel(f"{panel.stem}\n{f1}", fontsize="small")
+        row[0].set_ylabel(f"{panel.stem}\n{panel.score}", fontsize="small")
     return figure
 
 
-def _new_figure(size_inches: tuple[float, float]) -> Figure:
+def _new_figure(
+    size_inches: tuple[float, float], *, layout: Literal["constrained", "none"]
+) -> Figure:
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         message = "figures need matplotlib; run: pip install 'zeroscd[figures]'"
         raise OutputError(message) from error
-    return Figure(figsize=size_inches, layout="constrained")
+    return Figure(figsize=size_inches, layout=layout)
 
 
 def _render(figure: Figure, kind: str) -> bytes:

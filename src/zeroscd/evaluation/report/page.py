@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING
 
-import cv2
-
 from zeroscd.evaluation.curves import best_of, precision_recall
-from zeroscd.evaluation.report.panels import (
-    FALSE_RGB,
-    FOUND_RGB,
-    MISSED_RGB,
-    draw_panels,
-)
+from zeroscd.evaluation.report.charts import Chart, Line
+from zeroscd.evaluation.report.panels import KEYS, draw_panels
 from zeroscd.evaluation.report.score_tables import score_tables
-from zeroscd.evaluation.report.svg import Chart, Line
+from zeroscd.export.pictures import data_uri, jpeg, thumbnail
 from zeroscd.fingerprint import versions
 from zeroscd.output import write_whole
+from zeroscd.pages import render
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from zeroscd.arrays import Rgb
     from zeroscd.evaluation.report.panels import Panel
     from zeroscd.evaluation.report.tables import Table
     from zeroscd.evaluation.scores import Scores
@@ -35,19 +27,6 @@ if TYPE_CHECKING:
 PICTURE_PX = 360  # the longer side of a picture in the page
 JPEG_QUALITY = 88
 MAX_ROWS = 60  # longer tables are folded away
-STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:1200px;padding:0 1rem;color:#222}
-h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}
-table{border-collapse:collapse;margin:1rem 0;font-variant-numeric:tabular-nums}
-caption{text-align:left;font-weight:600;padding:.3rem 0}
-th,td{padding:.2rem .8rem .2rem 0;text-align:left;vertical-align:top}
-tr{border-bottom:1px solid #e3e3e3}
-tr.ours{font-weight:700;background:#eef5fb}
-.panel{display:grid;grid-template-columns:repeat(5,1fr);gap:.4rem;margin:.3rem 0 1.2rem}
-figure{margin:0}figcaption{font-size:.85rem;color:#555}
-img{width:100%;display:block;background:#eee}svg{max-width:640px;width:100%}
-.key{display:inline-block;width:.9em;height:.9em;vertical-align:-.1em;border:1px solid #666}
-"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,19 +51,12 @@ class Page:
 
     def to_html(self) -> str:
         """Write the page; it refers to nothing outside itself."""
-        facts, fine_print = (
-            _list(self.facts),
-            _fold("settings and versions", _list(self.fine_print)),
-        )
-        charts = "".join(chart.to_svg() for chart in self.charts)
-        tables = "".join(_table(table) for table in self.tables)
-        panels = "".join(_panel(panel) for panel in self.panels)
-        return (
-            '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-            '<meta name="viewport" content="width=device-width">'
-            f"<title>{escape(self.title)}</title><style>{STYLE}</style></head><body>"
-            f"<h1>{escape(self.title)}</h1>{facts}{fine_print}{charts}{tables}"
-            f"{_legend() if self.panels else ''}{panels}</body></html>\n"
+        return render(
+            "scores.html",
+            page=self,
+            panels=[(panel, _uris(panel)) for panel in self.panels],
+            keys=KEYS,
+            max_rows=MAX_ROWS,
         )
 
     def write(self, out: Path) -> Path:
@@ -161,49 +133,9 @@ def fine_print(settings: Settings) -> tuple[str, ...]:
     return (f"settings: {json.dumps(settings.to_dict())}", f"versions: {found}")
 
 
-def _list(sentences: Sequence[str]) -> str:
-    return f"<ul>{''.join(f'<li>{escape(one)}</li>' for one in sentences)}</ul>"
-
-
-def _fold(title: str, content: str) -> str:
-    return f"<details><summary>{escape(title)}</summary>{content}</details>"
-
-
-def _table(table: Table) -> str:
-    long = len(table.rows) > MAX_ROWS
-    return _fold(table.title, table.to_html()) if long else table.to_html()
-
-
-def _legend() -> str:
-    keys = (
-        (FOUND_RGB, "found"),
-        (MISSED_RGB, "missed"),
-        (FALSE_RGB, "falsely flagged"),
-        ((0, 0, 0), "does not count"),
-    )
-    shown = " &nbsp; ".join(
-        f'<span class="key" style="background:rgb{rgb}"></span> {name}' for rgb, name in keys
-    )
-    return f"<h2>Pairs</h2><p>{shown}</p>"
-
-
-def _panel(panel: Panel) -> str:
-    f1 = "no change" if panel.f1 is None else f"F1 {panel.f1:.3f}"
-    figures = "".join(
-        f'<figure><img alt="{escape(title)} of {escape(panel.stem)}" src="{_data_url(picture)}">'
-        f"<figcaption>{escape(title)}</figcaption></figure>"
+def _uris(panel: Panel) -> dict[str, str]:
+    """Return the pictures as addresses, by title."""
+    return {
+        title: data_uri(jpeg(thumbnail(picture, longest_px=PICTURE_PX), quality=JPEG_QUALITY))
         for title, picture in panel.pictures.items()
-    )
-    heading = f"<strong>{escape(panel.stem)}</strong> ({escape(panel.why)}, {f1})"
-    return f'<p>{heading}</p><div class="panel">{figures}</div>'
-
-
-def _data_url(picture: Rgb) -> str:
-    height, width = picture.shape[:2]
-    scale = min(1.0, PICTURE_PX / max(height, width))
-    size_wh = (max(1, round(width * scale)), max(1, round(height * scale)))
-    small = cv2.resize(picture, size_wh, interpolation=cv2.INTER_AREA)
-    swapped = cv2.cvtColor(small, cv2.COLOR_RGB2BGR)
-    done, encoded = cv2.imencode(".jpg", swapped, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    assert done  # noqa: S101 - an 8-bit picture in memory can be encoded
-    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode()
+    }

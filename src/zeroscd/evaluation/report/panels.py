@@ -24,6 +24,12 @@ if TYPE_CHECKING:
 # Okabe and Ito's palette: hue and brightness both differ, so any colour vision tells them apart.
 FOUND_RGB, MISSED_RGB, FALSE_RGB = (0, 114, 178), (240, 228, 66), (213, 94, 0)
 VOID_RGB = (0, 0, 0)
+KEYS = {
+    "found": FOUND_RGB,
+    "missed": MISSED_RGB,
+    "falsely flagged": FALSE_RGB,
+    "does not count": VOID_RGB,
+}
 DIMMED = 0.45  # of the photo's brightness under the colours
 SHOWN = 3  # best, worst and random pairs
 RANDOM_SEED = 0
@@ -44,6 +50,11 @@ class Panel:
     why: str
     f1: float | None
     pictures: dict[str, Rgb]
+
+    @property
+    def score(self) -> str:
+        """Its F1 in words."""
+        return "no change" if self.f1 is None else f"F1 {self.f1:.3f}"
 
 
 def check_chosen(dataset: Dataset, chosen: Sequence[str]) -> None:

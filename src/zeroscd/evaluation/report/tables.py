@@ -1,9 +1,8 @@
-"""One table, written as plain text, Markdown, LaTeX or HTML."""
+"""One table, written as plain text, Markdown or LaTeX."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -69,16 +68,6 @@ class Table:
             lines.append(_latex_row(row, strong=number in self.strong))
         return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
-    def to_html(self) -> str:
-        """Write for a page; our rows have the class `ours`."""
-        head = "".join(f"<th>{escape(name)}</th>" for name in self.columns)
-        body = []
-        for number, row in enumerate(self.rows):
-            cells = "".join(f"<td>{escape(cell)}</td>" for cell in row)
-            body.append(f'<tr class="ours">{cells}</tr>' if number in self.strong else _tr(cells))
-        caption = f"<caption>{escape(self.title)}</caption>"
-        return f"<table>{caption}<thead>{_tr(head)}</thead><tbody>{''.join(body)}</tbody></table>"
-
 
 def number(value: float | None, *, digits: int = 3) -> str:
     """Show a number, or a dash where there is none.
@@ -110,7 +99,3 @@ def _latex_row(cells: Sequence[str], *, strong: bool = False) -> str:
     if strong:
         shown = [rf"\textbf{{{cell}}}" for cell in shown]
     return " & ".join(shown) + r" \\"
-
-
-def _tr(cells: str) -> str:
-    return f"<tr>{cells}</tr>"

@@ -1,11 +1,10 @@
 "use strict";
 {
-  const attached = new WeakSet();
+  const unpins = new WeakMap(); // by viewer; those that are attached
 
   /* Makes a viewer work; `replaced`, if given, is the one whose divider and layers it takes over. */
   function attach(root, replaced) {
-    if (attached.has(root)) return;
-    attached.add(root);
+    if (unpins.has(root)) return;
     const stage = root.querySelector("[data-stage]");
     const divider = root.querySelector("[data-divider]");
     const blink = root.querySelector("[data-blink]");
@@ -73,9 +72,7 @@
         light(pinned);
       });
     }
-    scope.addEventListener("keydown", (event) => {
-      if (event.key === "Escape") light((pinned = null));
-    });
+    unpins.set(root, () => light((pinned = null)));
 
     if (replaced) {
       show(replaced.querySelector("[data-divider]").value);
@@ -86,7 +83,11 @@
     layers.forEach(switched);
   }
 
-  const attachAll = () => document.querySelectorAll("[data-viewer]").forEach((root) => attach(root));
+  const viewers = () => document.querySelectorAll("[data-viewer]");
+  const attachAll = () => viewers().forEach((root) => attach(root));
+  document.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") viewers().forEach((root) => unpins.get(root)?.());
+  });
   window.zeroscdViewer = attach;
   if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", attachAll);
   else attachAll();
