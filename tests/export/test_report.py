@@ -125,7 +125,12 @@ def test_a_page_without_change_is_whole_too(nothing: ChangeResult) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["<script>alert(1)</script>.jpg", '"><img src=x onerror=alert(1)>', "$title ${x} &amp;"]
+    "name",
+    [
+        "</title></script><script>alert(1)</script>.jpg",
+        '"><img src=x onerror=alert(1)>',
+        "{{ version }} {% raw %} &amp;",
+    ],
 )
 def test_a_file_name_cannot_break_out(named: Callable[[str], ChangeResult], name: str) -> None:
     text = render_report(named(f"folder/{name}"))

@@ -120,6 +120,16 @@ def test_names_of_files_cannot_become_markup(
     assert read.all("li")[0]["data-name"] == evil
 
 
+def test_a_dot_on_the_map_leads_to_its_card(
+    pair: Callable[..., Any], change: Callable[..., Any]
+) -> None:
+    read = Reader(render_page(content(ComparedPair(pair(), (change(),)))))
+    (dot,) = [one for one in read.all("a") if "data-place" in one]
+    assert dot["href"] == f"#{read.all('li')[0]['id']}"
+    assert [one["cx"] for one in read.all("circle")] == ["500.0"]
+    assert "1: elm" in read.text
+
+
 def test_photos_without_a_match_are_listed_with_the_reason() -> None:
     failed = ({"after": "new/oak.jpg", "id": "oak", "error": "no old photo within 30 m"},)
     read = Reader(render_page(content(failures=failed)))

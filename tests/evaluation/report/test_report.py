@@ -173,7 +173,7 @@ def test_the_colours_of_errors_differ_in_brightness_too() -> None:
 class Outline(HTMLParser):
     """Collects what a page refers to, and checks that its tags are closed."""
 
-    VOID = frozenset({"meta", "link", "img", "path", "circle", "polyline"})
+    VOID = frozenset({"meta", "link", "img", "line", "circle", "polyline"})
 
     def __init__(self) -> None:
         super().__init__()

@@ -59,13 +59,13 @@ def check_figures() -> None:
     Raises:
         OutputError: Matplotlib is not installed.
     """
-    _new_figure((1, 1), layout="none")
+    _new_figure((1, 1))
 
 
 def _draw_chart(chart: Chart) -> Figure:
     """Print the drawing of the page, mark by mark."""
     width, height = chart.size_wh
-    figure = _new_figure((width / PX_PER_INCH, height / PX_PER_INCH), layout="none")
+    figure = _new_figure((width / PX_PER_INCH, height / PX_PER_INCH))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, width), ylim=(height, 0))
     axes.set_axis_off()
@@ -75,7 +75,8 @@ def _draw_chart(chart: Chart) -> Figure:
 
 
 def _line(axes: Axes, mark: Element) -> None:
-    points = [tuple(map(float, point.split(","))) for point in mark.attrib["points"].split()]
+    corners = mark.get("points") or "{x1},{y1} {x2},{y2}".format(**mark.attrib)
+    points = [tuple(map(float, corner.split(","))) for corner in corners.split()]
     width = float(mark.attrib["stroke-width"])
     dash = mark.attrib["stroke-dasharray"].replace("none", "").split()
     axes.plot(
@@ -105,7 +106,7 @@ def _text(axes: Axes, mark: Element) -> None:
     )
 
 
-_DRAW = {"polyline": _line, "circle": _dot, "text": _text}
+_DRAW = {"line": _line, "polyline": _line, "circle": _dot, "text": _text}
 
 
 def _draw_panels(panels: Sequence[Panel]) -> Figure:
@@ -123,7 +124,7 @@ def _draw_panels(panels: Sequence[Panel]) -> Figure:
 
 
 def _new_figure(
-    size_inches: tuple[float, float], *, layout: Literal["constrained", "none"]
+    size_inches: tuple[float, float], *, layout: Literal["constrained"] | None = None
 ) -> Figure:
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
