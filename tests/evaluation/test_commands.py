@@ -88,12 +88,16 @@ def test_evaluate_writes_the_promised_files_and_prints_the_table(
         *("iou_macro", "no_change", "per_pair", "settings", "versions"),
     }
     assert promised <= set(scores)
-    assert {"stem", "f1", "precision", "recall", "seconds"} <= set(scores["per_pair"][0])
+    row = {"stem", "f1", "precision", "recall", "seconds", "flagged_fraction"}
+    assert row <= set(scores["per_pair"][0])
     assert scores["temporal_consistency"] == 1.0
     assert (tmp_path / "out" / "report.html").exists()
     shown = capsys.readouterr()
     assert "F1, mean over pairs" in shown.out
     assert "0.200" in shown.out
+    assert "share of them with a false region of 100 px or more" in shown.out
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "false regions a pair in those" in page
     assert "3 pairs, t0/ t1/ mask/ with equal names" in shown.err
 
 
@@ -165,12 +169,14 @@ def test_one_kind_alone_is_compared_when_asked_for(
 def test_other_methods_on_the_same_pairs_are_printed(
     app: typer.Typer, tiny_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tiny_folder / "published_f1.json").write_text('{"a": {"other": 0.5}}')
+    published = {"a": {"other": 0.5}, "b": {"other": 0.25, "third": 0.125}}
+    (tiny_folder / "published_f1.json").write_text(json.dumps(published))
     run(app, "evaluate", "folder", tiny_folder, "-o", tmp_path / "out")
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert ["pair", "ours", "other"] in lines
-    assert ["a", "0.400", "0.500"] in lines
-    assert [">", "mean", "0.400", "0.500"] in lines
+    assert ["method", "pairs", "F1", "ours"] in lines
+    assert ["other", "2", "0.375", "0.200"] in lines
+    assert ["third", "1", "0.125", "0.000"] in lines
+    assert ["a", "other", "0.500", "0.400"] in lines
 
 
 def test_what_cannot_be_shown_is_refused_before_anything_is_computed(

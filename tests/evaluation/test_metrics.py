@@ -14,6 +14,7 @@ from sklearn.metrics import f1_score, jaccard_score, precision_score, recall_sco
 from zeroscd.evaluation.metrics import (
     Counts,
     count,
+    count_false_regions,
     false_positive_rate,
     pool,
     summarise,
@@ -136,3 +137,27 @@ def test_every_mean_lies_between_its_pairs(counts: list[Counts]) -> None:
 def test_f1_and_iou_tell_the_same_story(counts: list[Counts]) -> None:
     for pair in counts:
         assert math.isclose(pair.f1, 2 * pair.iou / (1 + pair.iou), abs_tol=1e-12)
+
+
+def test_only_large_enough_regions_that_hit_no_change_are_false() -> None:
+    predicted = np.zeros((40, 60), bool)
+    predicted[0:10, 0:10] = True  # 100 pixels
+    predicted[20:29, 0:11] = True  # 99
+    predicted[0:10, 30:40] = True  # touches a true change in one pixel
+    truth, valid = np.zeros_like(predicted), np.ones_like(predicted)
+    truth[9, 39:50] = True
+    assert count_false_regions(predicted, truth, valid=valid) == 1
+    assert count_false_regions(predicted, ~valid, valid=valid) == 2
+    valid[9, 39:50] = False  # the change is ignored, and with it one pixel of the region
+    assert count_false_regions(predicted, truth, valid=valid) == 1
+    predicted[10, 30] = True  # 100 pixels again
+    assert count_false_regions(predicted, truth, valid=valid) == 2
+    valid[5] = False  # cuts both in two, none of which is large enough
+    assert count_false_regions(predicted, truth, valid=valid) == 0
+    assert count_false_regions(~valid, truth, valid=valid) == 0
+
+
+def test_regions_that_touch_at_a_corner_are_one() -> None:
+    predicted = np.kron(np.eye(2, dtype=bool), np.ones((10, 10), bool))
+    nothing = np.zeros_like(predicted)
+    assert count_false_regions(predicted, nothing, valid=~nothing) == 1

@@ -37,6 +37,7 @@ SCORE = PairScore(
     counts=Counts(tp=1, fp=2, fn=3, tn=4),
     seconds=0.5,
     stages={"features": 0.25},
+    false_regions=2,
     histogram=DistanceHistogram(changed=(1, 2), unchanged=(3, 4)),
     kinds=KindHits(hit=2, right=1),
 )
@@ -146,6 +147,13 @@ def test_only_what_changed_is_computed_again(
     pixels = np.asarray(Image.open(path)).copy()
     pixels[0, 0] += 1
     Image.fromarray(pixels).save(path)
+    assert count_detections(tiny_folder, detector, out) == 1
+    pixels[:] = 0
+    (tiny_folder / "ignore").mkdir()
+    for stem in "abc":
+        Image.fromarray(pixels).save(tiny_folder / "ignore" / f"{stem}.png")
+    assert count_detections(tiny_folder, detector, out) == 3
+    Image.fromarray(pixels + 255).save(tiny_folder / "ignore" / "b.png")
     assert count_detections(tiny_folder, detector, out) == 1
     other = replace(detector, settings=detector.settings.override({"tau": 0.6}))
     assert count_detections(tiny_folder, other, out) == 3

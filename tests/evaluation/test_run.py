@@ -15,8 +15,11 @@ from zeroscd.evaluation.datasets.catalogue import open_dataset
 from zeroscd.evaluation.run import Run, evaluate, evaluate_all
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
     from types import ModuleType
+
+    from numpy.typing import NDArray
 
 
 def test_the_scores_are_those_worked_out_by_hand(
@@ -32,14 +35,58 @@ def test_the_scores_are_those_worked_out_by_hand(
     assert scores["precision_macro"] == pytest.approx(0.25)
     assert scores["recall_macro"] == pytest.approx(1 / 6)
     assert scores["iou_macro"] == pytest.approx(0.125)
-    assert scores["no_change"] == {"pairs": 1, "false_positive_rate": pytest.approx(0.05)}
+    assert scores["no_change"] == {
+        "pairs": 1,
+        "false_positive_rate": pytest.approx(0.05),
+        "pairs_with_false_alarm": 1.0,
+        "false_regions_per_pair": 1.0,
+    }
     rows = {row["stem"]: row for row in scores["per_pair"]}
     assert list(rows) == ["a", "b", "c"]
     assert rows["a"]["f1"] == pytest.approx(0.4)
     assert rows["b"]["f1"] == 0.0
     assert rows["c"]["f1"] is None
+    assert [row["flagged_fraction"] for row in rows.values()] == pytest.approx([0.2, 0.0, 0.05])
     assert scores["settings"]["frame"] == "t1"
     assert {"zeroscd", "numpy", "python"} <= set(scores["versions"])
+
+
+def test_what_is_ignored_counts_neither_way(
+    tiny_folder: Path,
+    tmp_path: Path,
+    toy: ModuleType,
+    save: Callable[[Path, NDArray[np.uint8]], Path],
+) -> None:
+    ignore = np.zeros((40, 80), np.uint8)
+    ignore[:, 8:16] = 255  # a: both columns that were found rightly
+    save(tiny_folder / "ignore" / "a.png", ignore)
+    ignore[:] = 0
+    ignore[:, 76:] = 255  # c: all that was found
+    ignore[:, 60:63] = 1  # not white
+    save(tiny_folder / "ignore" / "c.png", ignore)
+    dataset = open_dataset("folder", tiny_folder)
+    evaluate(dataset, Run(detector=toy.ToyDetector.in_frame("t1"), out=tmp_path / "out"))
+    scores = json.loads((tmp_path / "out" / "scores.json").read_text())
+    a, b, c = scores["per_pair"]
+    assert (a["f1"], b["f1"], c["f1"]) == (0.0, 0.0, None)
+    assert a["flagged_fraction"] == pytest.approx(2 / 18)
+    assert scores["pixels"]["tn"] == 40 * 4 * (12 + 15 + 19)
+    assert scores["no_change"] == {
+        "pairs": 1,
+        "false_positive_rate": 0.0,
+        "pairs_with_false_alarm": 0.0,
+        "false_regions_per_pair": 0.0,
+    }
+
+
+def test_without_an_unchanged_pair_there_is_no_share_of_false_alarms(
+    tiny_folder: Path, tmp_path: Path, toy: ModuleType
+) -> None:
+    dataset = open_dataset("folder", tiny_folder).first(2)
+    run = Run(detector=toy.ToyDetector.in_frame("t1"), out=tmp_path / "out")
+    found = evaluate(dataset, run).false_alarms
+    assert (found.pairs, found.false_positive_rate) == (0, 0.0)
+    assert (found.pairs_with_false_alarm, found.false_regions_per_pair) == (None, None)
 
 
 def test_the_predicted_masks_are_kept(tiny_folder: Path, tmp_path: Path, toy: ModuleType) -> None:

@@ -19,6 +19,7 @@ from zeroscd.evaluation.scoring import (
     count_kinds,
     count_pair,
     distance_histogram,
+    predicted_mask,
 )
 from zeroscd.evaluation.truth import Truth
 from zeroscd.records import Alignment, NotAligned, Region
@@ -73,18 +74,23 @@ def truth_of(**masks: Any) -> Truth:
     )
 
 
-def test_the_prediction_is_compared_at_the_size_of_the_mask(blank: ChangeResult) -> None:
-    found = replace(blank, mask=box(0, 8))
+def test_the_prediction_is_compared_at_the_size_of_the_mask() -> None:
     small = truth_of(changed=np.zeros((20, 40), bool), valid=np.ones((20, 40), bool))
-    assert count_pair(found, small, None) == Counts(tp=0, fp=5 * 4, fn=0, tn=800 - 20)
+    counts, false_regions = count_pair(box(0, 8), small)
+    assert counts == Counts(tp=0, fp=5 * 4, fn=0, tn=800 - 20)
+    assert false_regions == 0  # 20 pixels there, 80 here
 
 
 def test_one_kind_alone_is_compared_when_the_labels_know_only_that(blank: ChangeResult) -> None:
     found = replace(blank, mask=box(0, 40), removed=box(0, 10), added=box(30, 40))
     truth = truth_of(changed=box(0, 10))
-    assert count_pair(found, truth, "removed").fp == 0
-    assert count_pair(found, truth, "added").tp == 0
-    assert count_pair(found, truth, None).fp == 300
+    of_kind = {
+        kind: count_pair(predicted_mask(found, kind), truth)[0]
+        for kind in ("removed", "added", None)
+    }
+    assert of_kind["removed"].fp == 0
+    assert of_kind["added"].tp == 0
+    assert of_kind[None].fp == 300
 
 
 def test_a_removed_thing_in_its_place_has_the_right_kind(blank: ChangeResult) -> None:
@@ -171,6 +177,7 @@ def test_a_score_comes_back_from_json_as_it_was(kinds: KindHits | None) -> None:
         counts=Counts(tp=1, fp=2, fn=3, tn=4),
         seconds=0.1,
         stages={"features": 0.05},
+        false_regions=2,
         histogram=DistanceHistogram(changed=(1, 2), unchanged=(3, 4)),
         kinds=kinds,
         consistency=0.3,

@@ -12,7 +12,6 @@ from zeroscd.errors import DatasetError
 from zeroscd.evaluation.published import published_for
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from zeroscd.evaluation.metrics import Summary
@@ -42,21 +41,30 @@ class TableRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SamePairs:
-    """Ours beside other methods' own outputs on the same pairs.
+class Baseline:
+    """Another method beside ours, on the pairs that it has a score for.
 
     Attributes:
-        stems: The pairs that all of them have a score for.
-        f1: method -> F1 of each pair in that order; "ours" comes first.
+        method: As the file calls it.
+        stems: Those pairs, as far as they have any change.
+        f1: Its F1 of each, 0..1.
+        ours: Our F1 of each.
     """
 
+    method: str
     stems: tuple[str, ...]
-    f1: Mapping[str, tuple[float, ...]]
+    f1: tuple[float, ...]
+    ours: tuple[float, ...]
 
     @property
-    def means(self) -> dict[str, float]:
-        """Mean F1 of every method over the pairs."""
-        return {method: float(np.mean(values)) for method, values in self.f1.items()}
+    def f1_macro(self) -> float:
+        """Mean of its F1."""
+        return float(np.mean(self.f1))
+
+    @property
+    def ours_macro(self) -> float:
+        """Mean of our F1 on the same pairs."""
+        return float(np.mean(self.ours))
 
 
 def table_among_published(scores: Scores) -> tuple[TableRow, ...]:
@@ -85,25 +93,25 @@ def table_among_published(scores: Scores) -> tuple[TableRow, ...]:
     return tuple(sorted([*table, ours], key=lambda row: -(row.f1 or 0.0)))
 
 
-def compare_with_baselines(scores: Scores) -> SamePairs | None:
+def compare_with_baselines(scores: Scores) -> tuple[Baseline, ...]:
     """Compare with the per-pair scores that lie in the data set's folder, if there are any.
+
+    Returns:
+        Methods by name; one without a score for any of our pairs with change is left out.
 
     Raises:
         DatasetError: That file is not what it should be.
     """
-    baselines = _read_baselines(scores.dataset.root / BASELINES_FILE)
+    theirs = _read_baselines(scores.dataset.root / BASELINES_FILE)
     ours = {pair.stem: pair.counts.f1 for pair in scores.pairs if pair.counts.has_change}
-    methods = sorted({method for row in baselines.values() for method in row})
-    stems = tuple(
-        stem
-        for stem in ours
-        if stem in baselines and all(name in baselines[stem] for name in methods)
-    )
-    if not stems:
-        return None
-    f1 = {"ours": tuple(ours[stem] for stem in stems)}
-    f1 |= {method: tuple(baselines[stem][method] for stem in stems) for method in methods}
-    return SamePairs(stems=stems, f1=f1)
+    found = []
+    for method in sorted({method for row in theirs.values() for method in row}):
+        stems = tuple(stem for stem in ours if method in theirs.get(stem, {}))
+        if stems:
+            f1 = tuple(theirs[stem][method] for stem in stems)
+            own = tuple(ours[stem] for stem in stems)
+            found.append(Baseline(method=method, stems=stems, f1=f1, ours=own))
+    return tuple(found)
 
 
 def _averaged(summary: Summary, average: Average) -> float | None:
@@ -124,8 +132,16 @@ def _read_baselines(path: Path) -> dict[str, dict[str, float]]:
     try:
         values: Any = json.loads(path.read_text(encoding="utf-8"))
         return {
-            stem: {method: float(f1) for method, f1 in row.items()} for stem, row in values.items()
+            stem: {method: _share(f1) for method, f1 in row.items()} for stem, row in values.items()
         }
     except (OSError, ValueError, AttributeError, TypeError) as error:
         message = f"{path} is not {{stem: {{method: F1}}}} ({error}); correct or remove it"
         raise DatasetError(message) from error
+
+
+def _share(value: Any) -> float:  # noqa: ANN401 - whatever JSON holds
+    share = float(value)
+    if not 0 <= share <= 1:
+        message = f"{value} is not between 0 and 1"
+        raise ValueError(message)
+    return share

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+import cv2
 import numpy as np
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 # How a pair without any true change counts in the means. Published codes differ: C-3PO, ZSSCD,
 # Robust-SCD and GeSCF give it F1 = 0 whatever was predicted ("zero").
 EmptyPolicy: TypeAlias = Literal["skip", "zero", "one"]
+
+FALSE_REGION_PX = 100  # a smaller falsely flagged region is no alarm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +113,25 @@ def count(predicted: Mask, truth: Mask, *, valid: Mask | None = None) -> Counts:
         fn=int(np.count_nonzero(counted & ~predicted & truth)),
         tn=int(np.count_nonzero(counted & ~predicted & ~truth)),
     )
+
+
+def count_false_regions(predicted: Mask, truth: Mask, *, valid: Mask) -> int:
+    """Count the connected parts of a prediction that are large enough and hit no true change.
+
+    Args:
+        predicted: (H, W).
+        truth: (H, W).
+        valid: (H, W) pixels that count; a part that they cut in two is two.
+
+    Returns:
+        Parts (touching corners connect) of FALSE_REGION_PX pixels or more.
+    """
+    counted = np.asarray(predicted & valid, dtype=np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(counted, connectivity=8)
+    is_false = stats[:, cv2.CC_STAT_AREA] >= FALSE_REGION_PX
+    is_false[0] = False  # the background
+    is_false[np.unique(labels[truth & valid])] = False
+    return int(np.count_nonzero(is_false))
 
 
 def pool(counts: Sequence[Counts]) -> Counts:

@@ -159,13 +159,15 @@ class _PairScorer:
     def score(
         self, files: PairFiles, content: str, pair: LoadedPair, detected: _Detected
     ) -> PairScore:
-        result, counted = detected.result, self._dataset.counted
-        found = predicted_mask(result, counted)
+        result = detected.result
+        found = predicted_mask(result, self._dataset.counted)
+        counts, false_regions = count_pair(found, pair.truth)
         score = PairScore(
             stem=files.stem,
-            counts=count_pair(result, pair.truth, counted),
+            counts=counts,
             seconds=detected.seconds,
             stages=dict(result.seconds),
+            false_regions=false_regions,
             histogram=distance_histogram(result.heatmap, pair.truth),
             kinds=count_kinds(result, pair.truth),
             consistency=(

@@ -37,7 +37,10 @@ def digest_files(files: PairFiles) -> str:
     Raises:
         DatasetError: A file cannot be read.
     """
-    paths = (files.before, files.after, files.mask, files.removed, files.added)
+    paths = (
+        *(files.before, files.after, files.mask),
+        *(files.removed, files.added, files.ignore),
+    )
     return digest([b"" if path is None else _bytes(path) for path in paths])
 
 

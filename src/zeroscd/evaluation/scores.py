@@ -18,6 +18,23 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FalseAlarms:
+    """What was flagged where nothing changed.
+
+    Attributes:
+        pairs: Pairs without true change.
+        false_positive_rate: Mean share of their pixels that was flagged, 0..1; 0 without pairs.
+        pairs_with_false_alarm: Share of them with a flagged region of 100 px or more, 0..1.
+        false_regions_per_pair: Mean number of such regions.
+    """
+
+    pairs: int
+    false_positive_rate: float
+    pairs_with_false_alarm: float | None
+    false_regions_per_pair: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scores:
     """How well a detector did on a data set.
 
@@ -37,6 +54,19 @@ class Scores:
     def summary(self) -> Summary:
         """The means over the pairs with change."""
         return summarise([pair.counts for pair in self.pairs])
+
+    @property
+    def false_alarms(self) -> FalseAlarms:
+        """What was flagged in the pairs without change."""
+        unchanged = [pair for pair in self.pairs if not pair.counts.has_change]
+        regions = [pair.false_regions for pair in unchanged]
+        total = len(unchanged)
+        return FalseAlarms(
+            pairs=total,
+            false_positive_rate=false_positive_rate([pair.counts for pair in unchanged]),
+            pairs_with_false_alarm=sum(map(bool, regions)) / total if total else None,
+            false_regions_per_pair=sum(regions) / total if total else None,
+        )
 
     @property
     def kind_accuracy(self) -> float | None:
@@ -84,10 +114,7 @@ class Scores:
         return {
             "pairs": len(self.pairs),
             **asdict(self.summary),
-            "no_change": {
-                "pairs": sum(not pair.has_change for pair in counts),
-                "false_positive_rate": false_positive_rate(counts),
-            },
+            "no_change": asdict(self.false_alarms),
             "per_pair": [_row(pair) for pair in self.pairs],
             "settings": self.settings.to_dict(),
             "versions": versions(),
@@ -113,6 +140,8 @@ def _row(pair: PairScore) -> dict[str, object]:
         "recall": pair.counts.recall if changed else None,
         "seconds": pair.seconds,
         "iou": pair.counts.iou if changed else None,
-        "flagged": pair.counts.flagged,
+        "flagged_fraction": pair.counts.flagged,
+        "flagged": pair.counts.flagged,  # its name until 0.1; 0.3 will leave it out
+        "false_regions": pair.false_regions,
         "not_aligned": pair.not_aligned,
     }

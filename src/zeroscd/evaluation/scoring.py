@@ -10,7 +10,7 @@ import numpy as np
 
 from zeroscd.alignment.homography import homography_or_resize
 from zeroscd.alignment.warp import warp_mask
-from zeroscd.evaluation.metrics import Counts, count
+from zeroscd.evaluation.metrics import Counts, count, count_false_regions
 from zeroscd.evaluation.truth import resize_mask
 from zeroscd.records import NotAligned
 
@@ -64,6 +64,7 @@ class PairScore:
         counts: Pixels by truth and prediction.
         seconds: Wall time of the detection.
         stages: Wall time of each stage.
+        false_regions: Large enough regions of the mask that hit no true change.
         histogram: For the precision-recall curve over tau.
         kinds: None where the data does not tell removed from added.
         consistency: IoU with the mask found after swapping the photos; None when not asked for.
@@ -75,6 +76,7 @@ class PairScore:
     counts: Counts
     seconds: float
     stages: Mapping[str, float]
+    false_regions: int
     histogram: DistanceHistogram
     kinds: KindHits | None = None
     consistency: float | None = None
@@ -110,10 +112,13 @@ def predicted_mask(result: ChangeResult, counted: Kind | None) -> Mask:
     return result.mask
 
 
-def count_pair(result: ChangeResult, truth: Truth, counted: Kind | None) -> Counts:
-    """Compare a result with the truth at the truth's size."""
-    predicted = resize_mask(predicted_mask(result, counted), truth.changed.shape)
-    return count(predicted, truth.changed, valid=truth.valid)
+def count_pair(predicted: Mask, truth: Truth) -> tuple[Counts, int]:
+    """Compare a mask with the truth at the truth's size: pixels, and falsely flagged regions."""
+    sized = resize_mask(predicted, truth.changed.shape)
+    return (
+        count(sized, truth.changed, valid=truth.valid),
+        count_false_regions(sized, truth.changed, valid=truth.valid),
+    )
 
 
 def distance_histogram(distance: Map, truth: Truth) -> DistanceHistogram:

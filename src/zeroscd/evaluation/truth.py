@@ -61,6 +61,8 @@ def load_pair(files: PairFiles, dataset: Dataset) -> LoadedPair:
     after = _photo(files.after, dataset.size_hw)
     changed = resize_mask(read_mask(files.mask, dataset.code), dataset.size_hw)
     valid = np.ones_like(changed)
+    if files.ignore is not None:
+        valid &= ~resize_mask(read_mask(files.ignore, "white"), changed.shape)
     if dataset.black_is_void:
         for photo in (before, after):
             valid &= ~resize_mask(black_border(photo), changed.shape)

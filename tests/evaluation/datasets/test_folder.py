@@ -75,3 +75,15 @@ def test_one_kind_can_be_counted_only_in_the_photo_that_shows_it(tiny_folder: Pa
     assert dataset.counting("added").counting("both").counted is None
     with pytest.raises(SettingsError, match="t0 photo"):
         dataset.counting("removed")
+
+
+def test_what_does_not_count_lies_beside_the_masks_of_some_pairs(
+    tiny_folder: Path, save: Callable[[Path, NDArray[np.uint8]], Path]
+) -> None:
+    assert all(pair.ignore is None for pair in open_dataset("folder", tiny_folder).pairs)
+    path = save(tiny_folder / "ignore" / "b.png", np.zeros((40, 80), np.uint8))
+    save(tiny_folder / "added" / "z.png", np.zeros((40, 80), np.uint8))
+    dataset = open_dataset("folder", tiny_folder)
+    assert [pair.ignore for pair in dataset.pairs] == [None, path, None]
+    assert dataset.layout.endswith(", ignore/ does not count")
+    assert dataset.notes == ("ignored 1 files without partners: added/z.png",)

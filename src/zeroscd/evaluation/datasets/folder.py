@@ -14,13 +14,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 EXPECTED = "ROOT/{t0,t1,mask}/NAME.png, the same names in each, white = changed"
+OPTIONAL = ("removed", "added", "ignore")
 SOURCE = "masks may be in the t0 frame if ROOT/dataset.json says so"
 
 
 def open_root(root: Path, name: str = "folder") -> Dataset:
     """Find the pairs of a folder.
 
-    `removed/` (t0 frame) and `added/` (t1 frame) beside the masks are used where they exist.
+    `removed/` (t0 frame), `added/` (t1 frame) and `ignore/` (frame of the masks) are used where
+    they exist; not every pair needs a file there.
 
     Raises:
         DatasetError: The folders are not there, a pair is incomplete, or dataset.json is wrong.
@@ -31,11 +33,18 @@ def open_root(root: Path, name: str = "folder") -> Dataset:
     joined = join(*folders)
     if not joined.rows:
         raise wrong_layout(name, root, expected=EXPECTED, source="no name is in all three folders")
-    removed, added = _optional(root / "removed"), _optional(root / "added")
+    removed, added, ignore = (_optional(root / part) for part in OPTIONAL)
+    unpaired = tuple(
+        f"{part}/{path.name}"
+        for part, files in zip(OPTIONAL, (removed, added, ignore), strict=True)
+        for stem, path in files.items()
+        if stem not in joined.rows
+    )
+    left_out = ", ignore/ does not count" if ignore else ""
     return Dataset(
         name=name,
         root=root,
-        layout="t0/ t1/ mask/ with equal names, white = changed",
+        layout=f"t0/ t1/ mask/ with equal names, white = changed{left_out}",
         frame=_mask_frame(root / "dataset.json"),
         code="white",
         pairs=tuple(
@@ -46,10 +55,11 @@ def open_root(root: Path, name: str = "folder") -> Dataset:
                 mask=mask,
                 removed=removed.get(stem),
                 added=added.get(stem),
+                ignore=ignore.get(stem),
             )
             for stem, (before, after, mask) in joined.rows.items()
         ),
-        notes=stray_note(joined.stray),
+        notes=stray_note((*joined.stray, *unpaired)),
     )
 
 

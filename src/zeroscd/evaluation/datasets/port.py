@@ -33,6 +33,7 @@ class PairFiles:
         mask: What truly changed, in the data set's frame.
         removed: What was removed, t0 frame; None where the data does not say.
         added: What was added, t1 frame; None where the data does not say.
+        ignore: What does not count (white), in the frame of the mask; None where all counts.
         fold: 0..4, the fold of a published cross-validation that tests on this pair.
     """
 
@@ -42,6 +43,7 @@ class PairFiles:
     mask: Path
     removed: Path | None = None
     added: Path | None = None
+    ignore: Path | None = None
     fold: int | None = None
 
 

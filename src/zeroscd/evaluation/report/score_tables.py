@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from zeroscd.evaluation.bootstrap import intervals
 from zeroscd.evaluation.compare import compare_with_baselines, table_among_published
-from zeroscd.evaluation.metrics import false_positive_rate
+from zeroscd.evaluation.metrics import FALSE_REGION_PX
 from zeroscd.evaluation.report.tables import Table, number
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def score_tables(scores: Scores) -> tuple[Table, ...]:
         means_table(scores),
         published_table(scores),
         baselines_table(scores),
+        baseline_pairs_table(scores),
         pair_table(scores),
     ]
     return tuple(table for table in found if table is not None)
@@ -42,9 +43,17 @@ def means_table(scores: Scores) -> Table:
         (MEANINGS[name], number(value), ends.get(name, "-"))
         for name, value in asdict(scores.summary).items()
     ]
-    unchanged = sum(not pair.has_change for pair in counts)
-    rows.append(("pairs without change", str(unchanged), ""))
-    rows.append(("share flagged in those", number(false_positive_rate(counts), digits=4), ""))
+    alarms = scores.false_alarms
+    rows += [
+        ("pairs without change", str(alarms.pairs), ""),
+        ("share flagged in those", number(alarms.false_positive_rate, digits=4), ""),
+        (
+            f"share of them with a false region of {FALSE_REGION_PX} px or more",
+            number(alarms.pairs_with_false_alarm),
+            "",
+        ),
+        ("false regions a pair in those", number(alarms.false_regions_per_pair, digits=2), ""),
+    ]
     optional = {
         "right kind (removed, added)": scores.kind_accuracy,
         "agreement after swapping the photos": scores.temporal_consistency,
@@ -71,11 +80,12 @@ def pair_table(scores: Scores) -> Table:
                 pair.stem,
                 *shown,
                 number(counts.flagged, digits=4),
+                str(pair.false_regions),
                 number(pair.seconds, digits=2),
                 "not aligned" if pair.not_aligned else remark,
             )
         )
-    columns = ("pair", "F1", "precision", "recall", "flagged", "seconds", "")
+    columns = ("pair", "F1", "precision", "recall", "flagged", "false regions", "seconds", "")
     return Table(title="every pair", columns=columns, rows=tuple(rows))
 
 
@@ -96,19 +106,32 @@ def published_table(scores: Scores) -> Table | None:
 
 
 def baselines_table(scores: Scores) -> Table | None:
-    """Show ours beside other methods on the very same pairs; None where there are none."""
+    """Show other methods, each beside ours on the pairs it has; None where there are none."""
     found = compare_with_baselines(scores)
-    if found is None:
+    if not found:
         return None
-    columns = tuple(found.f1)
-    rows = [
-        (stem, *(number(found.f1[method][at]) for method in columns))
-        for at, stem in enumerate(found.stems)
-    ]
-    rows.append(("mean", *(number(value) for value in found.means.values())))
     return Table(
-        title="F1 on the very same pairs",
-        columns=("pair", *columns),
-        rows=tuple(rows),
-        strong=frozenset({len(rows) - 1}),
+        title="F1 of other methods, and ours on the same pairs (means)",
+        columns=("method", "pairs", "F1", "ours"),
+        rows=tuple(
+            (one.method, str(len(one.stems)), number(one.f1_macro), number(one.ours_macro))
+            for one in found
+        ),
+    )
+
+
+def baseline_pairs_table(scores: Scores) -> Table | None:
+    """Show the same pair by pair."""
+    found = compare_with_baselines(scores)
+    if not found:
+        return None
+    rows = [
+        (stem, one.method, number(f1), number(ours))
+        for one in found
+        for stem, f1, ours in zip(one.stems, one.f1, one.ours, strict=True)
+    ]
+    return Table(
+        title="F1 of other methods on every pair",
+        columns=("pair", "method", "F1", "ours"),
+        rows=tuple(sorted(rows)),
     )
