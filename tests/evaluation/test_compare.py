@@ -90,7 +90,9 @@ def test_without_such_a_file_there_is_no_comparison(scores: Scores) -> None:
     assert compare_with_baselines(scores) == ()
 
 
-@pytest.mark.parametrize()
+@pytest.mark.parametrize(
+    "text", ["[1, 2]", "{", '{"a": 3}', '{"a": {"one": "best"}}', '{"a": {"one": 75}}']
+)
 def test_a_wrong_file_of_other_methods_is_named(
     text: str, scores: Scores, tiny_folder: Path
 ) -> None:
