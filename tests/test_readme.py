@@ -33,6 +33,15 @@ def test_the_readme_and_the_automatic_check_use_the_same_test_command() -> None:
     assert TEST_COMMAND in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
 
 
+def test_the_automatic_check_and_the_contributors_page_agree_on_the_time() -> None:
+    check = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    page = " ".join((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split())
+    (limit,) = re.findall(r"^LIMIT=(\d+) # seconds", check, re.MULTILINE)
+    assert int(limit) <= 20 * 60, "with format, lint and types it must end within half an hour"
+    assert f"installing and testing after {int(limit) // 60} minutes" in page
+    assert f"the {int(limit) // 60} minutes of `.ci/run`" in page
+
+
 def test_the_readme_begins_with_the_two_commands_that_must_work() -> None:
     assert "pip install . && zeroscd demo" in README
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from zeroscd import batch
+from zeroscd.models import Models
 from zeroscd.renamed import RenamedWarning
-from zeroscd.survey import MatchRules
+from zeroscd.survey import MatchRules, Summary
 
 MOVED = {
     "zeroscd.result.Alignment": "zeroscd.records.Alignment",
@@ -38,6 +42,45 @@ def test_a_name_that_moved_is_found_with_a_warning_that_blames_the_caller(
 def test_a_name_that_never_was_is_an_attribute_error(module: str) -> None:
     with pytest.raises(AttributeError, match=f"module '{module}' has no attribute 'rgion'"):
         named(f"{module}.rgion")
+
+
+def test_a_segmenter_with_the_old_names_of_its_methods_works() -> None:
+    class Study:
+        size_bytes = 7
+
+        def outlines(self, where: object) -> object:
+            return ["outlines around", where]
+
+    class Scissors:
+        name = "scissors"
+
+        def study(self, photo: object, features: object) -> object:
+            self.seen = photo, features
+            return Study()
+
+    own: Any = Scissors()
+    with pytest.warns(RenamedWarning, match="Segmenter.study is now Segmenter.proposals") as warned:
+        segmenter: Any = Models(encoder=own, segmenter=own).segmenter
+    assert warned[0].filename == __file__
+    proposals = segmenter.proposals("photo", "features")
+    assert own.seen == ("photo", "features")
+    assert segmenter.name == "scissors"
+    assert proposals.size_bytes == 7
+    assert proposals.segments("here") == ["outlines around", "here"]
+
+
+def test_a_segmenter_with_todays_names_is_left_as_it_is() -> None:
+    class Today:
+        def proposals(self) -> None: ...
+
+    own: Any = Today()
+    assert Models(encoder=own, segmenter=own).segmenter is own
+
+
+def test_a_summary_shows_its_matches_by_the_old_name() -> None:
+    done: Any = Summary(matches=(), batch=batch.Summary(), report=Path())
+    with pytest.warns(RenamedWarning, match="sightings is now matches"):
+        assert done.sightings == ()
 
 
 def test_rules_take_their_least_score_still() -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from zeroscd.settings import LEAVES
+from zeroscd.settings.names import OLD_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,6 +45,12 @@ def test_a_stale_table_is_replaced_and_the_rest_kept(script: ModuleType) -> None
     assert fresh.startswith("a\n<!-- settings: tau -->\n| setting |")
     assert fresh.endswith("|\n<!-- end -->\nb\n")
     assert "stale" not in fresh
+
+
+def test_the_changelog_names_every_old_setting_with_its_new_name() -> None:
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| setting `(\w+)` \| `(\w+)` \|$", changes, re.MULTILINE)
+    assert dict(listed) == OLD_NAMES
 
 
 def test_a_table_of_nothing_known_is_an_error(script: ModuleType) -> None:

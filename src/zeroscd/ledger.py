@@ -1,4 +1,4 @@
-"""Results on disk, a line each, so that work that was killed computes nothing twice."""
+"""Results on disk, one a line, so that killed work computes nothing twice."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import threading
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from zeroscd.errors import OutputError
+from zeroscd.output import writing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -17,14 +17,14 @@ T = TypeVar("T")
 
 
 class Ledger(Generic[T]):
-    """An append-only file of results under a key of all that they were computed from.
+    """An append-only file of results, each under a digest of all that it was computed from.
 
-    A line that a crash cut short is ignored, and so is one of another version.
+    Lines that a crash cut short and lines of another version are ignored.
 
     Args:
         path: Of the file; its folder must exist when something is added.
         pack: Turns a result into plain values, none of them called "key".
-        unpack: Turns them back; ValueError, KeyError or TypeError say that it cannot.
+        unpack: Turns them back; raises ValueError, KeyError or TypeError if it cannot.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Ledger(Generic[T]):
         self._known = dict(_read_lines(path, unpack))
 
     def get(self, key: str) -> T | None:
-        """Return what was computed from this content, or None."""
+        """Return the result under a key, or None."""
         return self._known.get(key)
 
     def add(self, key: str, result: T) -> None:
@@ -55,16 +55,12 @@ class Ledger(Generic[T]):
             self._known[key] = result
 
     def _append(self, line: bytes) -> None:
-        try:
-            with self._path.open("ab+") as file:
-                if _ends_torn(file.tell(), self._path):
-                    file.write(b"\n")
-                file.write(line)
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            message = f"cannot write {self._path}: {error.strerror}; free some space or choose -o"
-            raise OutputError(message) from error
+        with writing(self._path), self._path.open("ab+") as file:
+            if _ends_torn(file.tell(), self._path):
+                file.write(b"\n")
+            file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def _ends_torn(length: int, path: Path) -> bool:
@@ -83,4 +79,4 @@ def _read_lines(path: Path, unpack: Callable[[dict[str, Any]], T]) -> Iterator[t
             values = json.loads(line)
             yield values.pop("key"), unpack(values)
         except (ValueError, KeyError, TypeError, AttributeError):
-            continue  # cut short by a crash: that one is simply computed again
+            continue  # cut short by a crash: computed again

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.device import pick_device, pick_precision
 from zeroscd.errors import SettingsError
+from zeroscd.segmenters.old_port import by_new_names
 from zeroscd.text import unknown
 from zeroscd.weights.backend import require_installed
 from zeroscd.weights.store import require
@@ -59,6 +60,9 @@ class Models:
 
     encoder: PatchEncoder
     segmenter: Segmenter
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "segmenter", by_new_names(self.segmenter))
 
 
 def check_models(settings: Settings) -> None:

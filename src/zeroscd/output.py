@@ -16,6 +16,8 @@ from zeroscd.errors import OutputError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+REMEDY = "make room or choose another folder with -o"
+
 
 def check_target(folder: Path) -> None:
     """Refuse, before any work is done, a folder that can never be written.
@@ -54,26 +56,41 @@ def make_folder(folder: Path) -> None:
     Raises:
         OutputError: It cannot be made.
     """
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn the system's errors while a path is written into one line.
+
+    Raises:
+        OutputError: An OSError inside.
+    """
+    try:
+        yield
     except OSError as error:
-        message = f"cannot create {folder}: {error.strerror}; choose another folder with -o"
-        raise OutputError(message) from error
+        raise cannot_write(path, error.strerror or str(error)) from error
+
+
+def cannot_write(path: Path, reason: str) -> OutputError:
+    """Return the error that says which path cannot be written, why, and what to do."""
+    return OutputError(f"cannot write {path}: {reason}; {REMEDY}")
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a passing path beside a file; what was written there then takes the file's place.
+    """Yield a temporary path beside a file; what was written there then takes the file's place.
 
     If anything is raised inside, the file stays as it was and nothing is left beside it.
     """
-    passing = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
+    part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
-        yield passing
-        passing.replace(path)
+        yield part
+        part.replace(path)
     finally:
         with suppress(OSError):
-            passing.unlink()
+            part.unlink()
 
 
 def write_json(values: object, path: Path) -> None:
@@ -86,18 +103,15 @@ def write_json(values: object, path: Path) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file under a passing name, then move it into place.
+    """Write a file whole or not at all; folders above it are made.
 
     Raises:
         OutputError: The folder cannot be written.
     """
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as passing:
-            passing.write_bytes(content)
-    except OSError as error:
-        message = f"cannot write {path}: {error.strerror}; choose another folder with -o"
-        raise OutputError(message) from error
+        with replacing(path) as part:
+            part.write_bytes(content)
 
 
 def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
@@ -107,26 +121,22 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
         OutputError: The folder cannot be written.
     """
     check_target(folder)
-    # A ".." in it would lead out of the stage.
+    # A ".." in it would lead out of the staging folder.
     real = Path(os.path.realpath(folder))
     existing = _existing_part(real)
     stage = existing / f".zeroscd-{uuid.uuid4().hex[:8]}.part"
     overtaken = False
     try:
-        inner = stage / real.relative_to(existing)
-        inner.mkdir(parents=True)
-        for name, content in files.items():
-            (inner / name).write_bytes(content)
-        if inner == stage:
-            _move_into(real, stage, list(files))
-        else:
-            missing = real.relative_to(existing).parts[0]
-            overtaken = not _appears(stage / missing, existing / missing)
-    except OSError as error:
-        message = (
-            f"cannot write {folder}: {error.strerror or error}; make room or choose another folder"
-        )
-        raise OutputError(message) from error
+        with writing(folder):
+            inner = stage / real.relative_to(existing)
+            inner.mkdir(parents=True)
+            for name, content in files.items():
+                (inner / name).write_bytes(content)
+            if inner == stage:
+                _move_into(real, stage, list(files))
+            else:
+                missing = real.relative_to(existing).parts[0]
+                overtaken = not _appears(stage / missing, existing / missing)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     if overtaken:

@@ -93,9 +93,8 @@ def test_requests_that_hang_are_bounded_in_number(monkeypatch: pytest.MonkeyPatc
             fetch(f"odd://hang/{number}.jpg")
     assert len(set(threading.enumerate()) - before) == 3
     OddFileSystem.release.set()
-    give_up = time.monotonic() + MUCH_S
-    while set(threading.enumerate()) - before and time.monotonic() < give_up:
-        time.sleep(0.01)
+    for thread in set(threading.enumerate()) - before:
+        thread.join(MUCH_S)
     with pytest.raises(ImageError, match="Refused"):  # the places are free again
         fetch("odd://a.jpg")
 

@@ -13,7 +13,7 @@ import pytest
 
 from zeroscd.batch import Options, run
 from zeroscd.batch import cluster as module
-from zeroscd.batch.cluster import Ray, _actors, _import_ray
+from zeroscd.batch.cluster import Ray, actor_count, import_ray
 from zeroscd.errors import SettingsError, WeightsError, ZeroscdError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def cluster(toy: ModuleType) -> Iterator[ModuleType]:
     pytest.importorskip("ray", reason="the extra zeroscd[ray] is not installed")
     cloudpickle: Any = pytest.importorskip("ray.cloudpickle")
     cloudpickle.register_pickle_by_value(toy)
-    ray = _import_ray()
+    ray = import_ray()
     ray.init(address="local", num_cpus=2, log_to_driver=False, include_dashboard=False)
     yield ray
     ray.shutdown()
@@ -98,10 +98,10 @@ def test_a_detector_that_cannot_be_made_there_is_told_in_our_words(
         ({"CPU": 8.0}, 1.0, 1),
     ],
 )
-def test_there_are_as_many_actors_as_fit(
+def test_there_are_as_manyactor_count_as_fit(
     resources: dict[str, float], num_gpus: float, expected: int
 ) -> None:
-    assert _actors(resources, num_gpus) == expected
+    assert actor_count(resources, num_gpus) == expected
 
 
 def test_without_ray_the_extra_is_named(
@@ -125,6 +125,6 @@ def test_a_cluster_that_is_not_there_is_told_in_one_line(
             message = f"Could not find any running\nRay instance at {options['address']}"
             raise ConnectionError(message)
 
-    monkeypatch.setattr(module, "_import_ray", Absent)
+    monkeypatch.setattr(module, "import_ray", Absent)
     with pytest.raises(ZeroscdError, match=r"^cannot reach Ray at auto: Could not find any runn"):
         run(street / "pairs.csv", tmp_path / "out", engine=Ray(address="auto"))

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 HELD = """
-import sys, time
+import sys
 from pathlib import Path
 from zeroscd.batch.journal import Journal
 from zeroscd.batch.task import Row
 journal = Journal(Path(sys.argv[1]))
 journal.begin([Row(before="b", after="a", id="x")])
 print("held", flush=True)
-time.sleep(60)
+sys.stdin.read()
 """
 
 
@@ -75,7 +75,7 @@ def test_a_name_that_no_database_can_hold_is_a_row_with_an_error(tmp_path: Path)
         assert odd["error"] == "old/caf\\udce9.jpg is not a UTF-8 name; rename it"
 
 
-def test_what_was_settled_comes_back_in_the_manifests_order(tmp_path: Path) -> None:
+def test_what_was_recorded_comes_back_in_the_manifests_order(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
         assert journal.begin([*rows("a", "b"), Row(error="broken row"), *rows("d")]) == 4
         assert journal.remaining() == 3
@@ -149,7 +149,7 @@ def test_two_batches_do_not_write_one_folder_and_a_killed_one_leaves_it_free(
     tmp_path: Path,
 ) -> None:
     command = [sys.executable, "-c", HELD, str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as other:
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == b"held\n"
         with pytest.raises(OutputError, match="another batch is writing into"):
@@ -161,5 +161,5 @@ def test_two_batches_do_not_write_one_folder_and_a_killed_one_leaves_it_free(
 
 def test_a_journal_that_is_none_says_so(tmp_path: Path) -> None:
     (tmp_path / FILE).write_bytes(b"something else" * 100)
-    with pytest.raises(OutputError, match=r"journal\.sqlite \(file is not a database\)"):
+    with pytest.raises(OutputError, match=r"journal\.sqlite: file is not a database; make room"):
         Journal(tmp_path)

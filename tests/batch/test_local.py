@@ -6,6 +6,7 @@ import os
 import threading
 from concurrent.futures import Future
 from contextlib import nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -13,17 +14,20 @@ import pytest
 import torch
 from threadpoolctl import threadpool_info
 
+from zeroscd.batch import comparer as comparer_module
 from zeroscd.batch import local
 from zeroscd.batch.comparer import Options, PairComparer
 from zeroscd.batch.local import Local, outcome_of, run_all
 from zeroscd.batch.task import Outcome, Task
 from zeroscd.errors import ImageError, OutputError
+from zeroscd.images.read import read_photo
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
     from types import ModuleType
+
+    from zeroscd.images.photo import Photo
 
 PATIENCE_S = 20.0
 
@@ -37,39 +41,39 @@ def tasks_of(street: Path, count: int, names: tuple[str, str] = ("t0", "t1")) ->
 def test_only_a_few_pairs_are_under_way_however_many_there_are(
     street: Path, toy: ModuleType
 ) -> None:
-    taken = settled = most = 0
+    taken = finished = most = 0
 
     def counted() -> Iterator[Task]:
         nonlocal taken, most
         for task in tasks_of(street, 100):
             taken += 1
-            most = max(most, taken - settled)
+            most = max(most, taken - finished)
             yield task
 
     rows = []
     for outcome in Local(workers=1).run(counted(), Options(detector=toy.make)):
         rows.append(outcome.row)
-        settled += 1
+        finished += 1
     assert sorted(rows) == list(range(1, 101))
     assert most <= 7  # one compared, three read or drawn, two waiting, one just taken
 
 
-def test_the_next_photos_are_read_while_a_pair_is_compared(street: Path, toy: ModuleType) -> None:
+def test_the_next_photos_are_read_while_a_pair_is_compared(
+    street: Path, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
     read_t1 = [threading.Event() for _ in range(2)]
     compared: list[bool] = []
 
-    class Watching(PairComparer):
-        def _decode(self, file: Any) -> Any:
-            number = int(file.address.split("/")[-1][0])
-            found = super()._decode(file)
-            if "/t1/" in file.address:
-                read_t1[number].set()
-            return found
+    def read(content: bytes, *, name: str) -> Photo:
+        if "/t1/" in name:
+            read_t1[int(Path(name).stem)].set()
+        return read_photo(content, name=name)
 
     def wait_for_the_other(result: Any) -> None:
         compared.append(all(event.wait(PATIENCE_S) for event in read_t1))
 
-    comparer = Watching(Options(detector=lambda: toy.make(wait_for_the_other)))
+    monkeypatch.setattr(comparer_module, "read_photo", read)
+    comparer = PairComparer(Options(detector=lambda: toy.make(wait_for_the_other)))
     assert len(list(run_all(tasks_of(street, 2), comparer, workers=1))) == 2
     assert compared == [True, True]
 
@@ -121,9 +125,9 @@ def test_only_the_lite_models_are_light_enough_for_a_pair_on_each_core(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 12)
-    assert local._workers(Settings()) == 12
-    assert local._workers(Settings(encoder="dinov2-b")) == 1
-    assert local._workers(Settings(segmenter="sam-vit-h")) == 1
+    assert local.default_workers(Settings()) == 12
+    assert local.default_workers(Settings(encoder="dinov2-b")) == 1
+    assert local.default_workers(Settings(segmenter="sam-vit-h")) == 1
 
 
 def test_a_consumer_that_stops_leaves_no_thread_behind(street: Path, toy: ModuleType) -> None:
@@ -141,7 +145,7 @@ def test_the_same_bytes_at_two_addresses_keep_their_own_names(
     comparer = PairComparer(Options(detector=toy.make, write=("json",)))
     (task,) = tasks_of(street, 1)
     outcome = comparer.compare(task, nullcontext())
-    assert (outcome.looks, outcome.hits) == (2, 1)
+    assert (outcome.encoded, outcome.cache_hits) == (1, 1)
     text = outcome.files["changes.json"].decode()
     assert task.before in text
     assert task.after in text

@@ -1,15 +1,13 @@
-"""A detector without networks that can be slow, and a batch of its own process.
+"""A detector without networks, and a batch in a process of its own.
 
-`python toy.py MANIFEST OUT LOG DELAY_S [ray]` compares with it, noting each finished pair in LOG.
+`python toy.py MANIFEST OUT` compares with it. It prints the name of each pair that was recorded in
+the journal, and then waits for a line on its standard input.
 """
 
 from __future__ import annotations
 
 import sys
-import time
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
@@ -81,24 +79,14 @@ class IslandStudy:
         return Segments(size_hw=self.size_hw, items=tuple(one for one in found if one))
 
 
-@dataclass
-class Pace:
-    """What happens after each comparison."""
-
-    log: Path | None = None
-    delay_s: float = 0.0
-
-    def __call__(self, result: ChangeResult) -> None:
-        time.sleep(self.delay_s)
-        if self.log is not None:
-            with self.log.open("a") as file:
-                file.write(f"{Path(str(result.after.path)).stem}\n")
+def nothing(result: ChangeResult) -> None:
+    """What happens after a comparison, if a test wants nothing else."""
 
 
 class ToyDetector(Detector):
     """The real method with toy models."""
 
-    after_each: Callable[[ChangeResult], None] = Pace()
+    after_each: Callable[[ChangeResult], None] = staticmethod(nothing)
 
     def decide(self, evidence: Evidence, settings: Settings | None = None) -> ChangeResult:
         result = super().decide(evidence, settings)
@@ -106,22 +94,25 @@ class ToyDetector(Detector):
         return result
 
 
-def make(pace: Callable[[ChangeResult], None] | None = None, **settings: object) -> ToyDetector:
+def make(after_each: Callable[[ChangeResult], None] = nothing, **settings: object) -> ToyDetector:
     chosen = Settings().override({"verify": "off", "min_inliers": 4, **settings})
     detector = ToyDetector(chosen, Models(ColourEncoder(), IslandSegmenter()), preset="toy")
-    detector.after_each = pace or Pace()
+    detector.after_each = after_each
     return detector
 
 
-def main(manifest: str, out: str, log: str, delay_s: str, engine: str = "local") -> None:
-    options = Options(detector=partial(make, Pace(Path(log), float(delay_s))))
-    if engine == "local":
-        run(manifest, out, options=options)
-        return
-    from zeroscd.batch.cluster import Ray
+class InSteps:
+    """Progress that lets whoever started the process decide when the next pair is recorded."""
 
-    run(manifest, out, options=options, engine=Ray(concurrency=2))
+    def begin(self, total: int) -> None:
+        del total
+
+    def advance(self, stem: str, *, reused: bool) -> None:
+        del reused
+        sys.stdout.write(f"{stem}\n")
+        sys.stdout.flush()
+        sys.stdin.readline()
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    run(sys.argv[1], sys.argv[2], options=Options(detector=make), progress=InSteps())

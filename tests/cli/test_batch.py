@@ -55,7 +55,13 @@ def test_a_batch_says_what_was_done_and_where_it_lies(
     manifest: Path, tmp_path: Path, asked: Asked, capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked.answer = batch.Summary(
-        pairs=10, failed=2, reused=3, regions=21, looks=10, hits=4, first_error="old.jpg is\nempty"
+        pairs=10,
+        failed=2,
+        reused=3,
+        regions=21,
+        encoded=6,
+        cache_hits=4,
+        first_error="old.jpg is\nempty",
     )
     out = tmp_path / "out"
     assert run(["batch", str(manifest), "-o", str(out)]) == 0

@@ -145,7 +145,7 @@ def test_a_photo_has_one_entry_whichever_way_leads_to_it(
     assert run(["index", "build", str(old / ".." / "old"), "-o", places]) == 0
     assert capsys.readouterr().out.startswith("0 photos added, 0 replaced, 3 there already")
     assert run(["index", "delete", str(old / ".." / "old" / "a.png"), "--places", places]) == 0
-    assert capsys.readouterr().out == "taken out: 1; left: 2\n"
+    assert capsys.readouterr().out == "removed: 1; left: 2\n"
 
 
 def test_a_name_that_is_no_text_is_a_warning_and_the_others_are_added(
@@ -185,7 +185,7 @@ def test_photos_are_taken_out_by_folder(
     old: Path, places: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["index", "delete", str(old / "deep"), "--places", places]) == 0
-    assert capsys.readouterr().out == "taken out: 1; left: 2\n"
+    assert capsys.readouterr().out == "removed: 1; left: 2\n"
     assert (old / "deep" / "c.png").exists()
 
 

@@ -101,7 +101,9 @@ def test_a_table_that_breaks_half_way_leaves_the_old_one(tmp_path: Path) -> None
         yield {"row": 2}
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    with pytest.raises(OutputError, match=r"pairs\.parquet: No space left on device; choose"):
+    with pytest.raises(
+        OutputError, match=r"pairs\.parquet: No space left on device; make room or choose"
+    ):
         write_parquet(path, breaking(), pairs_schema())
     assert pq.read_table(path).column("row").to_pylist() == [1]
     assert [found.name for found in tmp_path.iterdir()] == ["pairs.parquet"]

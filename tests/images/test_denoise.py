@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.images.denoise import MAX_SMOOTHING_PX, PX_PER_LEVEL, denoise, noise_level
+from zeroscd.images.denoise import MAX_SIGMA_PX, PX_PER_LEVEL, denoise, noise_level
 
 ROWS, COLS = np.indices((160, 200))
 SCENE = np.where((ROWS // 40 + COLS // 50) % 2 == 0, 90.0, 150.0) + COLS / 10  # boxes on a ramp
@@ -45,7 +45,7 @@ def test_calming_lowers_the_noise_and_keeps_the_edges_in_place() -> None:
 
 @pytest.mark.parametrize(("noise", "sigma_px"), [(4.0, 1.0), (6.0, 1.5), (30.0, 1.5)])
 def test_smoothing_grows_with_the_noise_up_to_a_bound(noise: float, sigma_px: float) -> None:
-    assert sigma_px == min(MAX_SMOOTHING_PX, PX_PER_LEVEL * noise)
+    assert sigma_px == min(MAX_SIGMA_PX, PX_PER_LEVEL * noise)
     grain = np.random.default_rng(1).normal(128, noise, (120, 150)).clip(0, 255)
     calmed = denoise(np.dstack([grain.astype(np.uint8)] * 3))
     # A Gaussian leaves 1 / (2 sigma sqrt(pi)) of white noise.

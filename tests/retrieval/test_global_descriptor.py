@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from zeroscd.retrieval.global_descriptor import DEPTHS, WIDTH, global_descriptor, second_moments
+from zeroscd.retrieval.global_descriptor import LEVELS, WIDTH, global_descriptor, second_moments
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -54,11 +54,11 @@ def test_every_depth_counts_alike_and_fine_ones_do_not(
 ) -> None:
     rng = np.random.default_rng(4)
     maps = [map_of(unit_grid(rng, 2 * n, 2 * n, 8)) for n in (1, 2, 3, 4, 5)]
-    sketch = global_descriptor(maps)
-    assert sketch.shape == (DEPTHS * WIDTH,)
-    lengths = np.linalg.norm(sketch.reshape(DEPTHS, WIDTH), axis=1)
-    np.testing.assert_allclose(lengths, 1 / np.sqrt(DEPTHS), rtol=1e-5)
-    np.testing.assert_array_equal(sketch, global_descriptor(maps[:DEPTHS]))
+    descriptor = global_descriptor(maps)
+    assert descriptor.shape == (LEVELS * WIDTH,)
+    lengths = np.linalg.norm(descriptor.reshape(LEVELS, WIDTH), axis=1)
+    np.testing.assert_allclose(lengths, 1 / np.sqrt(LEVELS), rtol=1e-5)
+    np.testing.assert_array_equal(descriptor, global_descriptor(maps[:LEVELS]))
 
 
 def test_a_blank_photo_has_a_descriptor_too(map_of: Callable[..., Any]) -> None:

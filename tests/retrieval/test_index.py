@@ -101,7 +101,7 @@ def test_a_photo_given_twice_is_there_once(
 def test_a_stopped_build_keeps_what_was_written(
     index: PlaceIndex, save_wall: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "AT_ONCE", 2)
+    monkeypatch.setattr(module, "BATCH", 2)
     paths = [save_wall(f"{seed}.png", seed) for seed in range(5)]
 
     class Impatient:
@@ -231,7 +231,7 @@ class Trained:
         return None if self.vector is None else np.tile(self.vector, (len(photos), 1))
 
 
-def test_a_head_trained_for_places_is_preferred_to_the_sketch(
+def test_a_head_trained_for_places_is_preferred_to_pooling(
     tmp_path: Path, toy_encoder: PatchEncoder, wall: Callable[..., Rgb]
 ) -> None:
     vector = np.array([0.6, 0.8, 0.0], np.float32)

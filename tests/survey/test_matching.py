@@ -60,7 +60,8 @@ def test_a_weak_match_is_a_reason_and_not_a_match() -> None:
     found = look("/new.jpg", ScriptedIndex([match("/far/old.jpg", 0.19)]), min_score=0.2)
     assert found.old is None
     assert found.reason == (
-        "no old photo shows this place; the likest, old.jpg, has score 0.190 of the 0.2 needed"
+        "no old photo shows this place; the most similar, old.jpg, "
+        "has score 0.190 of the 0.2 needed"
     )
     assert look("/n.jpg", ScriptedIndex([match("/o.jpg", 0.2)]), min_score=0.2).old == "/o.jpg"
 

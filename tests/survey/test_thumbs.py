@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from zeroscd.survey.compared_pairs import ComparedPair
-from zeroscd.survey.thumbs import LONGEST_PX, draw_thumbs
+from zeroscd.survey.thumbs import MAX_SIDE_PX, draw_thumbs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +23,7 @@ def test_thumbnails_are_small_and_keep_the_shape(tmp_path: Path, pair: Callable[
     before, after = draw_thumbs([ComparedPair(row, ())], tmp_path)["elm"]
     assert before.size_hw == (300, 960)
     with Image.open(tmp_path / str(before.file)) as picture:
-        assert picture.size == (LONGEST_PX, 150)
+        assert picture.size == (MAX_SIDE_PX, 150)
         shown = np.asarray(picture)
         assert shown[:, :200].mean() < 10
         assert shown[:, -200:].mean() > 245

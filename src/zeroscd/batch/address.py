@@ -1,4 +1,4 @@
-"""Photos by address: a local path, or anything that fsspec opens, with a bounded wait."""
+"""Read photos by address: a local path, or anything that fsspec opens, within a timeout."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from zeroscd.text import one_line
 if TYPE_CHECKING:
     from zeroscd.images.read import PhotoLimits
 
-# Requests in flight, answered or hanging. A thread that hangs cannot be ended, only not repeated.
+# Requests under way, hanging ones included: Python cannot end a thread that hangs.
 MAX_REQUESTS = 64
-LONGEST_REASON = 200  # characters of another library's message
+MAX_REASON = 200  # characters of another library's message
 
 
 def is_remote(address: str) -> bool:
-    """Say whether fsspec has to open it.
+    """Return whether fsspec has to open an address.
 
     Example:
         >>> is_remote("s3://bucket/a.jpg"), is_remote("photos/a.jpg")
@@ -30,7 +30,7 @@ def is_remote(address: str) -> bool:
 
 
 def resolve(address: str, *, base: str) -> str:
-    """Return an address that does not depend on where the manifest lies.
+    """Return an address that no longer depends on the manifest's folder.
 
     Example:
         >>> resolve("new/a.jpg", base="s3://bucket/2024")
@@ -44,10 +44,10 @@ def resolve(address: str, *, base: str) -> str:
 
 
 class Fetcher:
-    """Reads files, waiting for each no longer than allowed.
+    """Reads files by address, each within a timeout.
 
     Args:
-        timeout_s: Longest wait for a remote file; local ones answer at once.
+        timeout_s: Longest wait for a remote file; local files are read without one.
         limits: Largest file.
     """
 
@@ -60,35 +60,35 @@ class Fetcher:
         """Return a file's bytes.
 
         Raises:
-            ImageError: It is missing, unreadable, or does not come in time.
+            ImageError: It is missing, unreadable, or does not arrive in time.
         """
         if not is_remote(address):
             return read_file(address, limits=self._limits)
         if not self._slots.acquire(timeout=self._timeout_s):
-            self._give_up(address)
-        answer: Future[bytes] = Future()
-        # Not a pool: Python waits for a pool's threads at its end, for ever if one hangs.
-        Thread(target=self._request, args=(address, answer), daemon=True).start()
+            self._raise_timeout(address)
+        response: Future[bytes] = Future()
+        # Not a pool: Python joins a pool's threads when it exits, for ever if one hangs.
+        Thread(target=self._request, args=(address, response), daemon=True).start()
         try:
-            error = answer.exception(self._timeout_s)
+            error = response.exception(self._timeout_s)
         except TimeoutError:
-            self._give_up(address)
+            self._raise_timeout(address)
         if error is not None:
             raise ImageError(_explain(address, error)) from error
-        return answer.result()
+        return response.result()
 
-    def _request(self, address: str, answer: Future[bytes]) -> None:
+    def _request(self, address: str, response: Future[bytes]) -> None:
         import fsspec  # noqa: PLC0415 - not needed for local photos
 
         try:
             with fsspec.open(address, "rb") as file:
-                answer.set_result(file.read(self._limits.max_file_bytes + 1))
-        except BaseException as error:  # handed to the thread that waits for it
-            answer.set_exception(error)
+                response.set_result(file.read(self._limits.max_file_bytes + 1))
+        except BaseException as error:  # raised in the thread that waits for it
+            response.set_exception(error)
         finally:
             self._slots.release()
 
-    def _give_up(self, address: str) -> NoReturn:
+    def _raise_timeout(self, address: str) -> NoReturn:
         message = (
             f"{one_line(address)} did not answer within {self._timeout_s:g} s; "
             "check the address or allow more time with --timeout"
@@ -100,6 +100,6 @@ def _explain(address: str, error: BaseException) -> str:
     name = one_line(address)
     if isinstance(error, FileNotFoundError):
         return f"{name} does not exist; check the address"
-    words = " ".join(str(error).split())[:LONGEST_REASON]
-    reason = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    text = " ".join(str(error).split())[:MAX_REASON]
+    reason = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return f"{name} cannot be read ({reason}); check the address and your rights"

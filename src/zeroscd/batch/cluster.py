@@ -1,4 +1,4 @@
-"""Tasks on a cluster: Ray Data hands them to actors that hold one detector each."""
+"""The Ray engine: Ray Data sends tasks to actors, each with a detector of its own."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from zeroscd.batch.comparer import Options
     from zeroscd.batch.task import Outcome, Task
 
-# What one actor is handed at a time, and loses if it dies: neighbours in the manifest often share
-# photos, which one actor's cache then knows.
+# Tasks that an actor gets at a time, and that are repeated if it dies. Neighbours in the manifest
+# often share photos, which the actor's cache then holds.
 BLOCK = 16
-# Tasks given to Ray at a time: the driver's memory does not grow with the manifest.
+# Tasks given to Ray at a time, so that the driver's memory does not grow with the manifest.
 WINDOW = 1000 * BLOCK
 COLUMN = "pickled"
 ENVIRONMENT = {
-    "RAY_USAGE_STATS_ENABLED": "0",  # nobody else need know what runs here
-    "RAY_BACKEND_LOG_LEVEL": "fatal",  # Ray warns of its own actors, on our stderr
+    "RAY_USAGE_STATS_ENABLED": "0",  # no telemetry
+    "RAY_BACKEND_LOG_LEVEL": "fatal",  # Ray's warnings about its own actors go to our stderr
 }
 
 
@@ -42,8 +42,8 @@ class Ray:
     """A Ray cluster; one is started on this machine if there is none.
 
     Attributes:
-        num_gpus: Graphics cards for each actor; 0.5 = two actors share one; 0 = none.
-        concurrency: Actors, each with a detector; None = as many as the cards or the cores allow.
+        num_gpus: GPUs for each actor; 0.5 = two actors share one; 0 = none.
+        concurrency: Number of actors; None = as many as the GPUs or the cores allow.
         address: Of a running cluster, such as "auto"; None = `RAY_ADDRESS`, else a new local one.
     """
 
@@ -52,30 +52,30 @@ class Ray:
     address: str | None = None
 
     def run(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
-        """Yield the outcomes as they come. Actors that die are replaced, their tasks repeated.
+        """Yield the outcomes as they come; dead actors are replaced and their tasks repeated.
 
         Raises:
             SettingsError: Ray is not installed.
             ZeroscdError: The cluster cannot be reached, or a detector cannot be made there.
         """
-        ray = _import_ray()
+        ray = import_ray()
         remaining = iter(tasks)
         with _session(ray, self.address):
             resources = ray.cluster_resources()
-            actors = self.concurrency or _actors(resources, self.num_gpus)
-            # The share of the cores that a local worker has: numbers equal to the last bit.
-            share = max(1, int(resources.get("CPU", 1)) // actors)
-            # A new pool a window costs seconds in hours.
+            actors = self.concurrency or actor_count(resources, self.num_gpus)
+            # As many cores as a local worker has: results equal to the last bit.
+            cores = max(1, int(resources.get("CPU", 1)) // actors)
+            # Starting a pool for each window costs seconds in hours.
             while window := list(islice(remaining, WINDOW)):
-                yield from self._run_window(ray, window, (options, share), actors=actors)
+                yield from self._run_window(ray, window, (options, cores), actors=actors)
 
     def _run_window(
-        self, ray: ModuleType, window: list[Task], given: tuple[Options, int], *, actors: int
+        self, ray: ModuleType, window: list[Task], actor_args: tuple[Options, int], *, actors: int
     ) -> Iterator[Outcome]:
         blocks = [_pack(window[start : start + BLOCK]) for start in range(0, len(window), BLOCK)]
         outcomes = ray.data.from_arrow(blocks).map_batches(
             Actor,
-            fn_constructor_args=given,
+            fn_constructor_args=actor_args,
             batch_format="pyarrow",
             compute=ray.data.ActorPoolStrategy(size=min(actors, len(blocks))),
             num_gpus=self.num_gpus or None,
@@ -88,47 +88,53 @@ class Ray:
 
 
 class Actor:
-    """One detector in a process of its own, somewhere in the cluster."""
+    """A detector in a process of its own, on any node of the cluster."""
 
     def __init__(self, options: Options, cores: int) -> None:
         self._options = options
         self._cores = cores
-        self._desk: PairComparer | None = None
+        self._comparer: PairComparer | None = None
 
     def __call__(self, block: pa.Table) -> Iterator[pa.Table]:
-        """Settle a block of tasks; what would fail for all of them travels back as a value.
+        """Compare a block of pairs; an error that concerns all of them is returned as a value.
 
-        An exception would do so as well, but wrapped by Ray in its own and its traceback.
+        Raised, it would arrive inside one of Ray's own exceptions, with a traceback.
         """
         try:
-            self._desk = self._desk or PairComparer(self._options)
+            self._comparer = self._comparer or PairComparer(self._options)
             with threads(self._cores):
-                for outcome in run_all(_unpack(block), self._desk, workers=1):
+                for outcome in run_all(_unpack(block), self._comparer, workers=1):
                     yield _pack([outcome])
         except ZeroscdError as error:
             yield _pack([error])
 
 
-def _pack(things: Iterable[object]) -> pa.Table:
+def _pack(values: Iterable[object]) -> pa.Table:
     import pyarrow as pa  # noqa: PLC0415 - half a second
 
-    pickled = pa.array((pickle.dumps(thing) for thing in things), pa.large_binary())
+    pickled = pa.array((pickle.dumps(value) for value in values), pa.large_binary())
     return pa.table({COLUMN: pickled})
 
 
 def _unpack(block: pa.Table) -> Iterator[Any]:
-    """Return what our own processes packed."""
+    """Yield the values that `_pack` put into a block."""
     for cell in block.column(COLUMN):
-        yield pickle.loads(cell.as_py())  # noqa: S301 - made by `_pack` a moment ago
+        yield pickle.loads(cell.as_py())  # noqa: S301 - written by our own processes
 
 
-def _actors(resources: dict[str, float], num_gpus: float) -> int:
+def actor_count(resources: dict[str, float], num_gpus: float) -> int:
+    """Return how many actors fit on a cluster's GPUs, or its cores if they need no GPU."""
     if num_gpus:
         return max(1, int(resources.get("GPU", 0) / num_gpus))
     return max(1, int(resources.get("CPU", 1)))
 
 
-def _import_ray() -> ModuleType:
+def import_ray() -> ModuleType:
+    """Import Ray without telemetry.
+
+    Raises:
+        SettingsError: It is not installed.
+    """
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     try:
@@ -142,7 +148,7 @@ def _import_ray() -> ModuleType:
 
 @contextmanager
 def _session(ray: ModuleType, address: str | None) -> Iterator[None]:
-    """Be connected inside; leave a connection that the caller made as it is."""
+    """Connect to Ray inside; use the caller's connection if there is one, and keep it open."""
     if ray.is_initialized():
         yield
         return
@@ -155,7 +161,7 @@ def _session(ray: ModuleType, address: str | None) -> Iterator[None]:
     except (ConnectionError, RuntimeError, ValueError) as error:
         message = f"cannot reach Ray at {address}: {' '.join(str(error).split())}"
         raise ZeroscdError(message) from error
-    _quieten(ray)
+    _hide_progress(ray)
     try:
         yield
     except ray.exceptions.RayError as error:
@@ -166,8 +172,8 @@ def _session(ray: ModuleType, address: str | None) -> Iterator[None]:
         ray.shutdown()
 
 
-def _quieten(ray: ModuleType) -> None:
-    """Leave progress to our own bar."""
+def _hide_progress(ray: ModuleType) -> None:
+    """Turn off Ray's progress bars: the command line has its own."""
     logging.getLogger("ray.data").setLevel(logging.ERROR)
     context = ray.data.DataContext.get_current()
     context.enable_progress_bars = False

@@ -1,4 +1,4 @@
-"""Where a task becomes an outcome: read, look up, compare, draw."""
+"""Compare one pair: read both photos, encode or reuse them, compare, render the files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from zeroscd.settings import Settings
 
 MEBIBYTE = 2**20
-LOOKS = 64  # locks: two workers that meet one photo at once look at it one after the other
+LOCKS = 64  # of two workers that need one photo at once, one encodes it and the other waits
 DEFAULT_FILES = ("mask", "json")  # a few kilobytes a pair
 
 
@@ -40,14 +40,14 @@ def _lite() -> Detector:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """How pairs are compared and what is kept of them.
+    """How pairs are compared, and which files are written for each.
 
     Attributes:
-        detector: Makes the detector, once a process, such as `functools.partial(
+        detector: Called once in each process to make the detector, such as `functools.partial(
             Detector.from_preset, "robust", device="cuda")`; for Ray it must be picklable.
         write: Files for each pair's folder, names of `zeroscd.export.files.FILES`; may be empty.
         timeout_s: Longest wait for a remote photo, in seconds.
-        cache_bytes: Memory for photos that may occur again.
+        cache_bytes: Memory for encoded photos, which other pairs may need again.
     """
 
     detector: Callable[[], Detector] = _lite
@@ -57,7 +57,7 @@ class Options:
 
 
 class PairComparer:
-    """One detector at work; threads may share it."""
+    """Compares pairs with one detector; threads may share it."""
 
     def __init__(self, options: Options) -> None:
         self._detector = options.detector()
@@ -66,20 +66,21 @@ class PairComparer:
         self._encoded: ExpiringCache[EncodedPhoto] = ExpiringCache(
             options.cache_bytes, size_of=attrgetter("size_bytes")
         )
-        self._looking = [Lock() for _ in range(LOOKS)]
+        self._encoding = [Lock() for _ in range(LOCKS)]
         self._fingerprint = fingerprint(self._detector)
 
     @property
     def settings(self) -> Settings:
-        """What the detector decides by."""
+        """The detector's settings."""
         return self._detector.settings
 
-    def compare(self, task: Task, turns: AbstractContextManager[object]) -> Outcome:
+    def compare(self, task: Task, slots: AbstractContextManager[object]) -> Outcome:
         """Compare a pair, unless an earlier run compared the same bytes in the same way.
 
         Args:
             task: The pair.
-            turns: Entered to compare; reading before and drawing after need no turn.
+            slots: A semaphore or the like, held while the pair is compared, but not while its
+                photos are read or its files rendered.
 
         Raises:
             ImageError: A photo cannot be read.
@@ -90,44 +91,46 @@ class PairComparer:
             return Outcome(row=task.row, name=task.name, key=key, reused=True)
         notes = (read_exif(files[0].content), read_exif(files[1].content))
         photos = [self._decode(file) for file in files]
-        with turns:
+        with slots:
             began = time.perf_counter()
             result, hits = self._compare(files, photos)
             seconds = time.perf_counter() - began
         return replace(
-            self._present(result, notes),
+            self._outcome(result, notes),
             row=task.row,
             name=task.name,
             key=key,
             seconds=round(seconds, 4),
-            looks=len(files),
-            hits=hits,
+            encoded=len(files) - hits,
+            cache_hits=hits,
         )
 
     def _decode(self, file: _File) -> Photo | None:
-        """Decode a photo before its turn; None if its view is there, as it nearly always stays."""
+        """Decode a photo; None if it is in the cache, where it nearly always stays till needed."""
         if self._encoded.get(file.digest) is not None:
             return None
         return read_photo(file.content, name=file.address)
 
     def _compare(self, files: list[_File], photos: list[Photo | None]) -> tuple[ChangeResult, int]:
-        before, after = (self._view(file, photo) for file, photo in zip(files, photos, strict=True))
+        before, after = (
+            self._encode(file, photo) for file, photo in zip(files, photos, strict=True)
+        )
         result = self._detector.decide(self._detector.compare(before[0], after[0]))
         return result, before[1] + after[1]
 
-    def _view(self, file: _File, photo: Photo | None) -> tuple[EncodedPhoto, bool]:
-        """Return what the encoder sees in a photo, and whether it was known already."""
-        with self._looking[int(file.digest, 16) % LOOKS]:
-            view = self._encoded.get(file.digest)
-            hit = view is not None
-            if view is None:
+    def _encode(self, file: _File, photo: Photo | None) -> tuple[EncodedPhoto, bool]:
+        """Return the encoded photo, and whether it came from the cache."""
+        with self._encoding[int(file.digest, 16) % LOCKS]:
+            encoded = self._encoded.get(file.digest)
+            hit = encoded is not None
+            if encoded is None:
                 decoded = photo or read_photo(file.content, name=file.address)
-                (view,) = self._detector.encode([decoded.pixels])
-                self._encoded.put(view, file.digest)
+                (encoded,) = self._detector.encode([decoded.pixels])
+                self._encoded.put(encoded, file.digest)
         # The same bytes may lie at several addresses.
-        return replace(view, photo=replace(view.photo, path=file.address)), hit
+        return replace(encoded, photo=replace(encoded.photo, path=file.address)), hit
 
-    def _present(self, result: ChangeResult, notes: tuple[Exif, Exif]) -> Outcome:
+    def _outcome(self, result: ChangeResult, notes: tuple[Exif, Exif]) -> Outcome:
         return Outcome(
             row=0,
             name="",
@@ -138,7 +141,7 @@ class PairComparer:
 
 
 def fingerprint(detector: Detector) -> str:
-    """Return the digest of everything but the photos that decides a comparison and its files."""
+    """Return a digest of all that decides a comparison and its files, except the photos."""
     return digest_values(
         {
             "settings": detector.settings.to_dict(),
@@ -152,7 +155,7 @@ def fingerprint(detector: Detector) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """A photo's file as it was read."""
+    """The bytes of a photo's file."""
 
     address: str
     content: bytes

@@ -1,4 +1,4 @@
-"""A whole batch: manifest in, a folder for each pair and two Parquet files out."""
+"""Run a batch: a manifest in, two Parquet files and a folder for each pair out."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 class Engine(Protocol):
-    """Turns tasks into outcomes: `Local` or `zeroscd.batch.cluster.Ray`."""
+    """Compares pairs: `Local` or `zeroscd.batch.cluster.Ray`."""
 
     def run(self, tasks: Iterable[Task], options: Options) -> Iterator[Outcome]:
-        """Yield one outcome a task, in any order."""
+        """Yield one outcome for each task, in any order."""
         ...
 
 
@@ -40,25 +40,25 @@ class Summary:
         pairs: Rows of the manifest.
         reused: Pairs that an earlier run had compared.
         failed: Rows with an error instead of a comparison.
-        regions: Changed regions in all.
-        looks: Photos that had to be described.
-        hits: Photos among these that were still known from another pair.
-        first_error: The first one met.
+        regions: Changed regions in all pairs.
+        encoded: Photos encoded.
+        cache_hits: Photos that were needed again and found in the cache.
+        first_error: The first error met.
     """
 
     pairs: int = 0
     reused: int = 0
     failed: int = 0
     regions: int = 0
-    looks: int = 0
-    hits: int = 0
+    encoded: int = 0
+    cache_hits: int = 0
     first_error: str | None = None
 
     def count(self, outcome: Outcome) -> None:
         """Add one outcome."""
         self.reused += outcome.reused
-        self.looks += outcome.looks
-        self.hits += outcome.hits
+        self.encoded += outcome.encoded
+        self.cache_hits += outcome.cache_hits
         if outcome.error is not None:
             self.first_error = self.first_error or outcome.error
 
@@ -73,17 +73,17 @@ def run(
 ) -> Summary:
     """Compare the pairs of a manifest; write `changes.parquet`, `pairs.parquet` and pair folders.
 
-    A run that was stopped, in whatever way, continues when it is started again with the same
-    folder: pairs whose photos, settings and code are the same are not computed again. A pair that
-    cannot be compared is a row with its error.
+    A run that was stopped or killed continues when it is started again with the same folder:
+    pairs whose photos, settings and code are the same are not computed again. A pair that cannot
+    be compared is a row with its error.
 
     Args:
         manifest: A CSV, JSONL or Parquet file with the columns before, after and maybe id, or
             what `open_manifest` and `open_folders` of `zeroscd.batch` return.
         out: Folder for the results, on a disk of this machine.
-        options: Detector, files, waiting, memory; the `lite` preset if not given.
+        options: Detector, files, timeout, memory; the `lite` preset if not given.
         engine: Where the pairs are compared; this process if not given.
-        progress: Hears about every finished pair.
+        progress: Told of every finished pair.
 
     Raises:
         DatasetError: The manifest cannot be read.
@@ -106,12 +106,12 @@ def run(
             journal.record(outcome)
             summary.count(outcome)
             listener.advance(outcome.name, reused=outcome.reused)
-        _require_all(journal)
+        _check_complete(journal)
         _write_tables(journal, folder, summary)
     return summary
 
 
-def _require_all(journal: Journal) -> None:
+def _check_complete(journal: Journal) -> None:
     if missing := journal.remaining():
         message = f"{missing} pairs have no outcome; give the same command again to compare them"
         raise ZeroscdError(message)

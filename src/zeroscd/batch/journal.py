@@ -1,4 +1,4 @@
-"""What a batch has to do and has done, in one SQLite file, so that a killed one loses nothing."""
+"""What a batch has to do and has done, in one SQLite file, so that a killed one can go on."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from zeroscd.batch.address import resolve
 from zeroscd.batch.names import safe_name, stem
 from zeroscd.batch.task import Row, Task
 from zeroscd.errors import OutputError
+from zeroscd.output import cannot_write
 from zeroscd.text import is_text
 
 if TYPE_CHECKING:
@@ -23,23 +24,25 @@ if TYPE_CHECKING:
 
 FILE = "journal.sqlite"
 PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
-# Folders of pairs must not be called like these.
+# No pair's folder may have one of these names.
 RESERVED = (FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", PAIRS, CHANGES)
 CHUNK = 500  # rows read at a time
 OK, FAILED = "ok", "error"
 
-# done: what was ever computed, by name. todo and names: this run's manifest, written anew each run.
+# done: every comparison ever finished, by name. todo and names: the manifest of this run.
 TABLES = """
+DROP TABLE IF EXISTS todo;
+DROP TABLE IF EXISTS names;
 CREATE TABLE IF NOT EXISTS done (name TEXT PRIMARY KEY, key TEXT NOT NULL, seconds REAL NOT NULL,
     content BLOB NOT NULL) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS todo (row INTEGER PRIMARY KEY, id TEXT, name TEXT NOT NULL,
-    before TEXT, after TEXT, error TEXT, settled INTEGER NOT NULL);
-CREATE TABLE IF NOT EXISTS names (folded TEXT PRIMARY KEY, next INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE todo (row INTEGER PRIMARY KEY, id TEXT, name TEXT NOT NULL,
+    before TEXT, after TEXT, error TEXT, finished INTEGER NOT NULL);
+CREATE TABLE names (folded TEXT PRIMARY KEY, next INTEGER NOT NULL) WITHOUT ROWID;
 """
 
 
 class Journal:
-    """The state of a batch in its output folder; one process at a time, one thread.
+    """The state of a batch in its output folder; for one process at a time, in one thread.
 
     Args:
         out: The folder; it must exist.
@@ -50,12 +53,12 @@ class Journal:
 
     def __init__(self, out: Path) -> None:
         self._path = out / FILE
-        with self._telling():
+        with self._own_errors():
             self._database = sqlite3.connect(self._path, timeout=0, isolation_level=None)
             # The lock lasts until the process ends, however it ends.
             self._database.execute("PRAGMA locking_mode=EXCLUSIVE")
             self._database.execute("PRAGMA journal_mode=WAL")
-            # A killed process loses nothing; a power cut may lose the last pairs, which are redone.
+            # A killed process loses nothing; a power cut may lose the last pairs, compared again.
             self._database.execute("PRAGMA synchronous=NORMAL")
             self._database.executescript(TABLES)
 
@@ -71,12 +74,12 @@ class Journal:
         self._database.close()
 
     def begin(self, rows: Iterable[Row]) -> int:
-        """Take over a manifest, giving each row a name of its own, and return how many there are.
+        """Read in a manifest, give each row a unique name, and return the number of rows.
 
-        A row without an id is called after its photo after. A name that was given before gets a
-        number: `elm`, `elm-2`, `elm-3`, by the order of the manifest.
+        A row without an id is named after its t1 photo. Where names would be equal, the later
+        ones get a number, in the order of the manifest: `elm`, `elm-2`, `elm-3`.
         """
-        with self._telling(), self._transaction():
+        with self._own_errors(), self._transaction():
             self._database.execute("DELETE FROM todo")
             self._database.execute("DELETE FROM names")
             for name in RESERVED:
@@ -91,32 +94,33 @@ class Journal:
         return count
 
     def tasks(self, *, base: str, folder: Path, files: Sequence[str]) -> Iterator[Task]:
-        """Yield what can be compared, in the manifest's order.
+        """Yield the pairs that can be compared, in the manifest's order.
 
         Args:
             base: What relative addresses are relative to.
-            folder: Where pairs have their folders.
-            files: What a finished pair must have there to count as known.
+            folder: Holds the pairs' folders.
+            files: Names of the files that a pair must have there to count as known.
         """
         query = (
             "SELECT row, todo.name, before, after, key FROM todo LEFT JOIN done "
             "ON done.name = todo.name WHERE row > ? AND error IS NULL ORDER BY row LIMIT ?"
         )
         for row, name, before, after, key in self._chunks(query):
-            whole = key is not None and all((folder / name / file).exists() for file in files)
+            complete = key is not None and all((folder / name / file).exists() for file in files)
             yield Task(
                 row=row,
                 name=name,
                 before=resolve(before, base=base),
                 after=resolve(after, base=base),
-                known=key if whole else None,
+                known=key if complete else None,
             )
 
     def record(self, outcome: Outcome) -> None:
-        """Keep what came of a row, on disk before this returns."""
-        with self._telling(), self._transaction():
+        """Keep an outcome, in the file before this returns."""
+        with self._own_errors(), self._transaction():
             self._database.execute(
-                "UPDATE todo SET settled = 1, error = ? WHERE row = ?", (outcome.error, outcome.row)
+                "UPDATE todo SET finished = 1, error = ? WHERE row = ?",
+                (outcome.error, outcome.row),
             )
             if outcome.error is None and not outcome.reused:
                 content = {"pair": dict(outcome.pair), "changes": [*outcome.changes]}
@@ -128,9 +132,9 @@ class Journal:
 
     def remaining(self) -> int:
         """Return how many rows have no outcome yet."""
-        with self._telling():
+        with self._own_errors():
             (count,) = self._database.execute(
-                "SELECT COUNT(*) FROM todo WHERE NOT settled"
+                "SELECT COUNT(*) FROM todo WHERE NOT finished"
             ).fetchone()
         return int(count)
 
@@ -165,7 +169,7 @@ class Journal:
     def _chunks(self, query: str) -> Iterator[tuple[Any, ...]]:
         last = 0
         while True:
-            with self._telling():
+            with self._own_errors():
                 rows = self._database.execute(query, (last, CHUNK)).fetchall()
             if not rows:
                 return
@@ -173,8 +177,8 @@ class Journal:
             last = rows[-1][0]
 
     def _name(self, wanted: str) -> str:
-        """Return a name that no row has yet: the wanted one, or that with the next free number."""
-        folded = wanted.casefold()  # some file systems do not tell A from a
+        """Return a name that no row has yet: the wanted one, or it with the next free number."""
+        folded = wanted.casefold()  # on some file systems A and a are one name
         if self._claim(wanted):
             return wanted
         (number,) = self._database.execute(
@@ -200,8 +204,8 @@ class Journal:
         self._database.execute("COMMIT")
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
-        """Turn what SQLite says into our own words."""
+    def _own_errors(self) -> Iterator[None]:
+        """Turn SQLite's errors into ours."""
         try:
             yield
         except sqlite3.Error as error:
@@ -210,12 +214,8 @@ class Journal:
                     f"another batch is writing into {self._path.parent}; "
                     "wait for it or choose another folder with -o"
                 )
-            else:
-                message = (
-                    f"cannot write {self._path} ({error}); make room, or choose another folder "
-                    "with -o on a disk of this machine"
-                )
-            raise OutputError(message) from error
+                raise OutputError(message) from error
+            raise cannot_write(self._path, str(error)) from error
 
 
 def _unpack(packed: bytes) -> Mapping[str, Any]:
@@ -224,15 +224,15 @@ def _unpack(packed: bytes) -> Mapping[str, Any]:
 
 
 def _storable(row: Row) -> Row:
-    """Make an error of a row whose names no database or Parquet file can hold."""
+    """Return the row, as an error if a database or Parquet file cannot hold one of its names."""
     names = (row.before, row.after, row.id)
-    odd = [_shown(name) for name in names if name and not is_text(name)]
-    if not odd:
+    undecodable = [_escaped(name) for name in names if name and not is_text(name)]
+    if not undecodable:
         return row
-    before, after, called = (name and _shown(name) for name in names)
-    error = f"{odd[0]} is not a UTF-8 name; rename it"
-    return Row(before=before, after=after, id=called, error=error)
+    before, after, id_ = (name and _escaped(name) for name in names)
+    error = f"{undecodable[0]} is not a UTF-8 name; rename it"
+    return Row(before=before, after=after, id=id_, error=error)
 
 
-def _shown(name: str) -> str:
+def _escaped(name: str) -> str:
     return name.encode("utf-8", "backslashreplace").decode()

@@ -1,4 +1,4 @@
-"""Tasks on this machine: while one pair is compared, others are read and drawn."""
+"""The local engine: while some pairs are compared, others are read and rendered."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-BESIDE = 3  # threads that read and draw while a pair is compared: photos held decoded
-WAITING = 2  # tasks handed over early, so that no thread idles while outcomes are written
+READERS = 3  # more threads than workers, which read and render meanwhile; each holds a pair
+QUEUED = 2  # tasks submitted ahead, so that no thread idles while outcomes are written
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,9 +32,9 @@ class Local:
     """One process on this machine.
 
     Attributes:
-        workers: Pairs compared at the same time, which share the cores. None = one for each core
-            with the lite models, whose pairs are small and half of whose steps use one core; one
-            with all other models, which may need gigabytes for a pair.
+        workers: Pairs compared at the same time; they share the cores. None = one for each core
+            with the lite models, which need little memory and spend half of their steps on one
+            core; one in all with other models, which may need gigabytes for a pair.
     """
 
     workers: int | None = None
@@ -46,25 +46,32 @@ class Local:
             ZeroscdError: The detector cannot be made.
         """
         comparer = PairComparer(options)
-        workers = self.workers or _workers(comparer.settings)
+        workers = self.workers or default_workers(comparer.settings)
         with threads(max(1, thread_count() // workers)):
             yield from run_all(tasks, comparer, workers=workers)
 
 
-def _workers(settings: Settings) -> int:
+def default_workers(settings: Settings) -> int:
+    """Return how many pairs are compared at once: one for each core with the lite models, else one.
+
+    Example:
+        >>> from zeroscd.settings import Settings
+        >>> default_workers(Settings(encoder="dinov2-b"))
+        1
+    """
     light = {settings.encoder, settings.segmenter} == {"lite"}
     return (os.cpu_count() or 1) if light else 1
 
 
 def run_all(tasks: Iterable[Task], comparer: PairComparer, *, workers: int) -> Iterator[Outcome]:
-    """Yield the outcomes of tasks as they come; a bounded number of them is under way."""
-    turns = BoundedSemaphore(workers)
-    pool = ThreadPoolExecutor(workers + BESIDE, thread_name_prefix="pair")
+    """Yield the outcomes of tasks as they come; few tasks are under way at any time."""
+    slots = BoundedSemaphore(workers)
+    pool = ThreadPoolExecutor(workers + READERS, thread_name_prefix="pair")
     pending: dict[Future[Outcome], Task] = {}
     try:
         for task in tasks:
-            pending[pool.submit(comparer.compare, task, turns)] = task
-            if len(pending) >= workers + BESIDE + WAITING:
+            pending[pool.submit(comparer.compare, task, slots)] = task
+            if len(pending) >= workers + READERS + QUEUED:
                 yield from _finished(pending)
         while pending:
             yield from _finished(pending)
@@ -78,10 +85,10 @@ def _finished(pending: dict[Future[Outcome], Task]) -> Iterator[Outcome]:
 
 
 def outcome_of(future: Future[Outcome], task: Task) -> Outcome:
-    """Return what came of a task; a pair that fails is an outcome too.
+    """Return the result of a task; a pair that fails is an outcome too.
 
     Raises:
-        ZeroscdError: Something that would fail for every pair, such as damaged weights.
+        ZeroscdError: An error that concerns every pair, such as damaged weights.
     """
     match future.exception():
         case None:
@@ -91,7 +98,7 @@ def outcome_of(future: Future[Outcome], task: Task) -> Outcome:
         case ZeroscdError() as error:
             raise error
         case Exception() as error:
-            # A mistake of ours, or memory that one huge photo used up: not worth a night's work.
+            # A bug of ours, or one huge photo that used up the memory: the other pairs go on.
             log.error("pair %s failed", task.name, exc_info=error)
             return Outcome(row=task.row, name=task.name, error=f"failed inside: {error!r}")
         case error:

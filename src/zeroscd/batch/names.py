@@ -1,4 +1,4 @@
-"""Names of pairs that are safe as folder names on any system."""
+"""Names of pairs, safe as folder names on any system."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import hashlib
 import unicodedata
 from pathlib import PurePosixPath
 
-LONGEST = 100  # characters; file systems allow 255 bytes, and a number may follow
-TAIL = 8  # hexadecimal digits that tell shortened names apart
-HARMLESS = "-_.+=@ "
+MAX_LENGTH = 100  # characters; file systems allow 255 bytes, and a number may follow
+DIGEST_DIGITS = 8  # hexadecimal, at the end of shortened names
+ALLOWED = "-_.+=@ "  # besides letters and digits
 # Names that Windows keeps for devices, with or without a suffix.
 DEVICES = frozenset(
     {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))}
@@ -25,11 +25,11 @@ def safe_name(text: str) -> str:
         'pair'
     """
     composed = unicodedata.normalize("NFC", text)
-    name = "".join(c if c.isalnum() or c in HARMLESS else "_" for c in composed).strip(" .")
+    name = "".join(c if c.isalnum() or c in ALLOWED else "_" for c in composed).strip(" .")
     if name.partition(".")[0].lower() in DEVICES:
         name = f"_{name}"
-    if len(name) > LONGEST or len(name.encode()) > 2 * LONGEST:
-        name = f"{name[: LONGEST // 2].rstrip(' .')}-{_digits(text)}"
+    if len(name) > MAX_LENGTH or len(name.encode()) > 2 * MAX_LENGTH:
+        name = f"{name[: MAX_LENGTH // 2].rstrip(' .')}-{_digest(text)}"
     return name or "pair"
 
 
@@ -43,5 +43,5 @@ def stem(address: str) -> str:
     return PurePosixPath(address.replace("\\", "/")).stem
 
 
-def _digits(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:TAIL]
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:DIGEST_DIGITS]

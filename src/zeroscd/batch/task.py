@@ -1,4 +1,4 @@
-"""What flows through a batch: a row of the manifest, the task it becomes, and its outcome."""
+"""What flows through a batch: rows of the manifest, tasks, outcomes."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One row of a manifest, as it was written.
+    """A row of a manifest.
 
     Attributes:
         before: Address of the t0 photo.
         after: Address of the t1 photo.
-        id: What the user calls the pair, if anything.
+        id: The user's name for the pair, if any.
         error: Why this row cannot be compared, if so.
     """
 
@@ -28,14 +28,14 @@ class Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """One pair to compare.
+    """A pair to compare.
 
     Attributes:
         row: Number of the row in the manifest, from 1.
         name: Of the pair, unique and safe as a folder's name.
         before: Address of the t0 photo.
         after: Address of the t1 photo.
-        known: Key under which an earlier run finished this pair, if it did.
+        known: Key of the comparison that an earlier run finished, if one did.
     """
 
     row: int
@@ -47,20 +47,20 @@ class Task:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of a task.
+    """The result of a task.
 
     Attributes:
         row: Number of the row in the manifest.
         name: Of the pair.
         error: Why there is no comparison, if so.
         key: Digest of everything that the comparison was computed from.
-        reused: An earlier run's comparison has the same key: nothing was computed.
-        pair: Its row in `pairs.parquet`, as far as the comparison decides it.
-        changes: Its rows in `changes.parquet`.
-        files: What to write into its folder, by file name.
+        reused: Whether an earlier run's comparison has the same key, so that none was computed.
+        pair: Its columns in `pairs.parquet` that come from the comparison.
+        changes: Its rows in `changes.parquet`, without the pair's name.
+        files: Contents of the files for its folder, by name.
         seconds: Wall time of the comparison.
-        looks: Photos that had to be described for it.
-        hits: Photos among these whose description was still there from another pair.
+        encoded: Number of photos encoded for it.
+        cache_hits: Number of photos that were in the cache, encoded for another pair.
     """
 
     row: int
@@ -72,5 +72,5 @@ class Outcome:
     changes: tuple[Mapping[str, Any], ...] = ()
     files: Mapping[str, bytes] = field(default_factory=dict)
     seconds: float = 0.0
-    looks: int = 0
-    hits: int = 0
+    encoded: int = 0
+    cache_hits: int = 0

@@ -1,4 +1,4 @@
-"""`zeroscd batch`: many pairs, on this machine or on a cluster."""
+"""`zeroscd batch`: compare many pairs, on this machine or on a cluster."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def batch(
         int, typer.Option(min=0, help="Memory for photos that occur in several pairs.")
     ] = 256,
     num_gpus: Annotated[
-        float | None, typer.Option(min=0, help="Ray: graphics cards for each actor, such as 0.5.")
+        float | None, typer.Option(min=0, help="Ray: GPUs for each actor, such as 0.5.")
     ] = None,
     concurrency: Annotated[
-        int | None, typer.Option(min=1, help="Ray: number of actors; all that fit if not given.")
+        int | None, typer.Option(min=1, help="Ray: number of actors; as many as fit if not given.")
     ] = None,
     ray_address: Annotated[
         str | None, typer.Option(help="Ray: a running cluster; a local one is started otherwise.")
@@ -58,7 +58,7 @@ def batch(
 ) -> None:
     """Compare many pairs; writes OUT/changes.parquet, OUT/pairs.parquet and OUT/ID/ for each pair.
 
-    A batch that was stopped, in whatever way, continues when the same command is given again.
+    A batch that was stopped or killed continues when the same command is given again.
     """
     chosen = pick_engine(
         engine, workers, {"num_gpus": num_gpus, "concurrency": concurrency, "address": ray_address}
@@ -108,7 +108,7 @@ def find_pairs(manifest: str, after: str | None) -> Manifest:
 
 
 def parse_files(text: str) -> tuple[str, ...]:
-    """Read which files are wanted for each pair.
+    """Split the list of files that are wanted for each pair.
 
     Example:
         >>> parse_files("mask, json"), parse_files("none")
@@ -124,14 +124,14 @@ def parse_files(text: str) -> tuple[str, ...]:
 def pick_engine(
     name: Literal["local", "ray"], workers: int | None, ray_options: Mapping[str, Any]
 ) -> Engine:
-    """Return the engine of a name with the options that are meant for it.
+    """Return the engine of that name, with its options.
 
     Raises:
         SettingsError: An option of the other engine was given.
     """
-    given = {option: value for option, value in ray_options.items() if value is not None}
+    set_options = {option: value for option, value in ray_options.items() if value is not None}
     if name == "local":
-        if given:
+        if set_options:
             message = "--num-gpus, --concurrency and --ray-address need --engine ray"
             raise SettingsError(message)
         from zeroscd.batch.local import Local
@@ -142,11 +142,11 @@ def pick_engine(
         raise SettingsError(message)
     from zeroscd.batch.cluster import Ray
 
-    return Ray(**given)
+    return Ray(**set_options)
 
 
 def tell(summary: Summary, out: Path) -> None:
-    """Print what was done and where it lies."""
+    """Print a summary and the tables' paths."""
     from zeroscd.batch.journal import CHANGES, PAIRS
 
     compared = summary.pairs - summary.failed
@@ -157,7 +157,7 @@ def tell(summary: Summary, out: Path) -> None:
         )
     reused = f", {summary.reused} of them by an earlier run" if summary.reused else ""
     say(f"{compared} of {summary.pairs} pairs compared{reused}; {summary.regions} changed regions")
-    if summary.looks:
-        say(f"photos still known from another pair: {summary.hits / summary.looks:.0%}")
+    if photos := summary.encoded + summary.cache_hits:
+        say(f"photos still known from another pair: {summary.cache_hits / photos:.0%}")
     say(f"changes: {out / CHANGES}")
     say(f"pairs: {out / PAIRS}")

@@ -1,4 +1,4 @@
-"""`zeroscd index`: old photos by place."""
+"""`zeroscd index`: an index of old photos by place."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MAX_WARNINGS = 5  # photos named one by one
 MAX_LATITUDE, MAX_LONGITUDE = 90.0, 180.0  # degrees
 
-app = typer.Typer(help="Find the old photo of a place.")
+app = typer.Typer(help="Find the old photos of a place.")
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -35,15 +35,16 @@ def build(
         str, typer.Option("--out", "-o", metavar="PLACES", help="Folder or address of the index.")
     ],
     preset: Annotated[
-        str | None, typer.Option(help="Whose encoder describes the photos; lite if not given.")
+        str | None,
+        typer.Option(help="Preset whose encoder describes the photos; lite if not given."),
     ] = None,
     settings: Overrides = None,
     device: Device = "auto",
 ) -> None:
-    """Make a place index, or add to one what is new or has changed.
+    """Make a place index, or add new and changed photos to one.
 
-    Photos that are in it already cost a look at their file. A build that was stopped continues
-    when the same command is given again.
+    Photos that have not changed are not described again. A build that was stopped continues when
+    the same command is given again.
 
     Example: zeroscd index build old/ -o places
     """
@@ -76,11 +77,11 @@ def query(
     within: Within = None,
     at: Annotated[
         str | None,
-        typer.Option(metavar="LAT,LON", help="Where it was taken, if its file does not say."),
+        typer.Option(metavar="LAT,LON", help="Where it was taken, if its file has no position."),
     ] = None,
     as_json: AsJson = False,
     preset: Annotated[
-        str | None, typer.Option(help="Insist on this preset's encoder; else the index's own.")
+        str | None, typer.Option(help="Fail unless the index has this preset's encoder.")
     ] = None,
     settings: Overrides = None,
     device: Device = "auto",
@@ -96,15 +97,15 @@ def query(
 
     with busy("loading the encoder"):
         index = PlaceIndex.open(places, settings=wanted, device=device)
-    with busy("looking"):
+    with busy("searching"):
         place = index.describe(photo, exif=Exif(gps=position) if position else None)
-        found = index.find(place, count, nearby=around(place, within, name=str(photo)))
+        matches = index.find(place, count, nearby=around(place, within, name=str(photo)))
     if as_json:
-        typer.echo(json.dumps([as_values(match) for match in found], indent=1))
+        typer.echo(json.dumps([as_values(match) for match in matches], indent=1))
         return
-    for rank, match in enumerate(found, 1):
+    for rank, match in enumerate(matches, 1):
         say(f"{rank}. {sentence(match)}")
-    if not found:
+    if not matches:
         warn("no old photo within this distance" if within else "the place index is empty")
 
 
@@ -115,17 +116,17 @@ def delete(
     ],
     places: Places,
 ) -> None:
-    """Take photos out of a place index; the files stay where they are."""
+    """Remove photos from a place index; their files stay."""
     from zeroscd.retrieval.store import Store
 
     store = Store.open(places)
-    gone = store.remove_below(photos)
-    say(f"taken out: {gone}; left: {len(store)}")
+    removed = store.remove_below(photos)
+    say(f"removed: {removed}; left: {len(store)}")
 
 
 @app.command()
 def info(places: Places, as_json: AsJson = False) -> None:
-    """Say what a place index holds and how it was made."""
+    """Show what a place index holds and how it was made."""
     from zeroscd.retrieval.store import Store
 
     store = Store.open(places)
@@ -144,7 +145,7 @@ def open_or_create(address: str, wanted: Settings | None, *, device: str) -> Pla
 
     Raises:
         SettingsError: It was made with other settings than those wanted.
-        OutputError: Its folder can never be written.
+        OutputError: Its folder cannot be written.
     """
     if "://" not in address:
         check_target(Path(address))
@@ -157,9 +158,9 @@ def open_or_create(address: str, wanted: Settings | None, *, device: str) -> Pla
 
 
 def wanted_settings(preset: str | None, overrides: list[str] | None) -> Settings | None:
-    """Return the settings that a command line names; None if it names none.
+    """Return the settings given on the command line; None if none are.
 
-    Lite looks at places with fewer pixels than at changes, also when it is named.
+    The preset lite has fewer pixels for places than for changes.
 
     Raises:
         SettingsError: An unknown preset or setting.
@@ -196,10 +197,10 @@ def parse_position(text: str | None) -> tuple[float, float] | None:
 
 
 def around(place: Place, within: float | None, *, name: str) -> Nearby | None:
-    """Return the circle to look in.
+    """Return the circle to search; None = everywhere.
 
     Raises:
-        SettingsError: A circle is wanted, but nobody knows where the photo was taken.
+        SettingsError: A radius is given, but the photo has no position.
     """
     from zeroscd.retrieval import Nearby
 
@@ -212,7 +213,7 @@ def around(place: Place, within: float | None, *, name: str) -> Nearby | None:
 
 
 def sentence(match: PlaceMatch) -> str:
-    """Say what there is to know about a match in one line."""
+    """Describe a match in one line."""
     parts = [f"score {match.score:.3f}", f"{match.inliers} patches agree"]
     if match.metres is not None:
         parts.append(f"{match.metres:.0f} m away")
@@ -235,7 +236,7 @@ def as_values(match: PlaceMatch) -> dict[str, object]:
 
 
 def warn_of_failures(failed: Mapping[str, str]) -> None:
-    """Name the first photos that cannot be read, and count the rest."""
+    """Warn of the first photos that cannot be read, and count the others."""
     for reason in list(failed.values())[:MAX_WARNINGS]:
         warn(reason)
     if len(failed) > MAX_WARNINGS:

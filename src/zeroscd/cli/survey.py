@@ -39,7 +39,7 @@ def survey(
         typer.Option(
             min=0,
             max=1,
-            help="From which an old photo counts as of the same place.",
+            help="Lowest score of an old photo that counts as of the same place.",
         ),
     ] = None,
     least_score: Annotated[float | None, typer.Option(min=0, max=1, hidden=True)] = None,
@@ -51,13 +51,13 @@ def survey(
         int | None, typer.Option(min=1, help="Pairs compared at once; chosen if not given.")
     ] = None,
     cache_mb: Annotated[
-        int, typer.Option(min=0, help="Memory for old photos that several new ones show.")
+        int, typer.Option(min=0, help="Memory for old photos that match several new ones.")
     ] = 256,
 ) -> None:
     """Find the old photo of each new one, compare both, and report the changes.
 
     Writes OUT/report.html, changes.parquet, pairs.parquet, changes.geojson and coco.json. A
-    survey that was stopped, in whatever way, continues when the same command is given again.
+    survey that was stopped or killed continues when the same command is given again.
 
     Example: zeroscd survey today/ --places places -o changes --within 50
     """
@@ -84,7 +84,7 @@ def survey(
         cache_bytes=cache_mb * MEBIBYTE,
     )
     try:
-        with Bar("looking") as bar:
+        with Bar("matching") as bar:
             rules = MatchRules(within_m=within, min_score=_min_score(min_score, least_score))
             matches = match_photos(paths, index, out, rules=rules, progress=bar)
         with Bar("comparing") as bar:
@@ -105,13 +105,13 @@ def _min_score(given: float | None, by_old_name: float | None) -> float:
 
 
 def tell(summary: Summary) -> None:
-    """Print what was found and where it lies."""
+    """Print a summary and the report's path."""
     photos = len(summary.matches)
     unmatched = photos - summary.matched
     broken = summary.batch.failed - unmatched
     say(f"{summary.matched} of {photos} new photos have an old one of the same place")
     if unmatched:
-        first = next(one for one in summary.matches if one.old is None)
+        first = next(match for match in summary.matches if match.old is None)
         warn(f"{unmatched} new photos were not compared; the first: {first.new}: {first.reason}")
     if broken:
         warn(f"{broken} pairs could not be compared; see the column error of pairs.parquet")

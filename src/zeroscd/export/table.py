@@ -5,10 +5,9 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Any
 
-from zeroscd.errors import OutputError
 from zeroscd.export.changes import region_values
 from zeroscd.images.exif import Exif
-from zeroscd.output import replacing
+from zeroscd.output import replacing, writing
 from zeroscd.records import Alignment, NotAligned
 
 if TYPE_CHECKING:
@@ -117,12 +116,8 @@ def write_parquet(path: Path, rows: Iterable[Row], schema: pa.Schema) -> int:
     Raises:
         OutputError: The file cannot be written.
     """
-    try:
-        with replacing(path) as passing:
-            return _write(passing, rows, schema)
-    except OSError as error:
-        message = f"cannot write {path}: {error.strerror or error}; choose another folder with -o"
-        raise OutputError(message) from error
+    with writing(path), replacing(path) as part:
+        return _write(part, rows, schema)
 
 
 def _write(path: Path, rows: Iterable[Row], schema: pa.Schema) -> int:

@@ -1,4 +1,4 @@
-"""How many pixels of a mask lie in many boxes at once."""
+"""Count the pixels of a mask in many boxes at once."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def count_in_boxes(mask: Mask, boxes_xyxy: NDArray[np.intp]) -> NDArray[np.intp]
     Args:
         mask: (H, W).
         boxes_xyxy: (N, 4) left, top, right, bottom; right and bottom are the first pixels
-            outside. What reaches beyond the mask counts nothing.
+            outside. Boxes may reach beyond the mask.
 
     Returns:
         (N,) counts.
 
-    Source: the table of sums of Crow, SIGGRAPH 1984.
+    Source: summed-area tables (Crow, SIGGRAPH 1984).
 
     Example:
         >>> count_in_boxes(np.eye(4, dtype=bool), np.array([[0, 0, 2, 2], [2, 0, 4, 2]])).tolist()

@@ -1,11 +1,11 @@
-"""From any colour mode to upright 8-bit RGB."""
+"""Convert images of any colour mode to upright 8-bit RGB."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import ExifTags, Image
+from PIL import ExifTags, Image, ImageOps
 
 from zeroscd.errors import ImageError
 
@@ -17,38 +17,26 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Rgb
 
 WHITE_16_BIT = 65535
-SIXTEEN_BIT_GREY = ("I", "I;16", "I;16B", "I;16L", "I;16N")  # "I" is how older Pillow reads it
-
-# What brings a photo upright, by its EXIF orientation (Exif 2.32, tag 274): swap rows and columns,
-# then flip top and bottom, then flip left and right. Orientation 1 and nonsense: nothing.
-TURNS: dict[object, tuple[bool, bool, bool]] = {
-    2: (False, False, True),
-    3: (False, True, True),
-    4: (False, True, False),
-    5: (True, False, False),
-    6: (True, False, True),
-    7: (True, True, True),
-    8: (True, True, False),
-}
+SIXTEEN_BIT_GREY = ("I", "I;16", "I;16B", "I;16L", "I;16N")  # "I" in older versions of Pillow
 
 
 def rgb_from_picture(picture: Image.Image, *, name: str) -> Rgb:
-    """Turn a Pillow picture, in whatever colour mode, into upright RGB.
+    """Convert a Pillow picture of any colour mode to upright RGB.
 
-    Transparent places show white. Colour profiles are left alone: pixels count as sRGB.
+    Transparent pixels become white. Colour profiles are ignored: pixels count as sRGB.
 
     Raises:
         ImageError: The picture holds floating-point or 32-bit values.
     """
-    picture.load()  # first of all: only loading tells whether Pillow has turned a TIFF already
+    picture.load()  # first: on loading a TIFF, Pillow applies its orientation and removes the tag
     return _upright(_rgb(picture, name), _orientation(picture))
 
 
 def rgb_from_array(array: NDArray[Any], *, name: str) -> Rgb:
-    """Turn an array of shape (H, W), (H, W, 3) or (H, W, 4), uint8 or uint16, into RGB.
+    """Convert an array of shape (H, W), (H, W, 3) or (H, W, 4), uint8 or uint16, to RGB.
 
     Raises:
-        ImageError: Another shape or kind of number.
+        ImageError: Another shape or dtype.
     """
     if array.dtype.kind != "u" or array.dtype.itemsize > np.dtype(np.uint16).itemsize:
         message = f"{name} holds {array.dtype}; scale it to 0..255 and use array.astype('uint8')"
@@ -78,11 +66,11 @@ def _rgb(picture: Image.Image, name: str) -> Rgb:
 
 
 def _over_white(picture: Image.Image) -> Rgb:
-    straight = picture.convert("LA") if picture.mode == "La" else picture
-    rgba = straight if straight.mode == "RGBA" else straight.convert("RGBA")
-    paper = Image.new("RGB", picture.size, "white")
-    paper.paste(rgba, mask=rgba)
-    return np.array(paper)
+    unmultiplied = picture.convert("LA") if picture.mode == "La" else picture
+    rgba = unmultiplied if unmultiplied.mode == "RGBA" else unmultiplied.convert("RGBA")
+    background = Image.new("RGB", picture.size, "white")
+    background.paste(rgba, mask=rgba)
+    return np.array(background)
 
 
 def _eight_bit(values: NDArray[Any]) -> NDArray[np.uint8]:
@@ -93,13 +81,14 @@ def _eight_bit(values: NDArray[Any]) -> NDArray[np.uint8]:
 def _orientation(picture: Image.Image) -> object:
     try:
         return picture.getexif().get(ExifTags.Base.Orientation)
-    except SyntaxError:  # damaged EXIF data: the pixels are whole all the same
+    except SyntaxError:  # damaged EXIF data; the pixels may be fine
         return None
 
 
 def _upright(pixels: Rgb, orientation: object) -> Rgb:
-    swap, flip_rows, flip_columns = TURNS.get(orientation, (False, False, False))
-    turned = pixels.swapaxes(0, 1) if swap else pixels
-    turned = turned[::-1] if flip_rows else turned
-    turned = turned[:, ::-1] if flip_columns else turned
-    return np.ascontiguousarray(turned)
+    if orientation in (None, 1):
+        return pixels
+    # A new picture, because `exif_transpose` rewrites EXIF data, which may be damaged.
+    picture = Image.fromarray(pixels)
+    picture.getexif()[ExifTags.Base.Orientation] = orientation
+    return np.array(ImageOps.exif_transpose(picture))

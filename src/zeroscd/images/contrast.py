@@ -9,14 +9,14 @@ import cv2
 if TYPE_CHECKING:
     from zeroscd.arrays import Rgb
 
-BLANK_SPREAD = 2.0  # grey levels; the noise of a covered lens stays below, any scene lies far above
+BLANK_STD = 2.0  # grey levels; the noise of a covered lens stays below, any scene is far above
 
 
 def is_blank(photo: Rgb) -> bool:
-    """Tell whether all pixels of a photo are alike, up to noise.
+    """Return whether all pixels of a photo are equal, up to noise.
 
-    Encoders give even such a photo a pattern, from its rim or from the place of each patch, and
-    patterns of two photos match; so the photo itself must be asked.
+    Encoders give even such a photo a pattern, from padding or position embeddings, and the patterns
+    of two photos match; so this cannot be told from their descriptors.
 
     Args:
         photo: (H, W, 3) uint8.
@@ -26,5 +26,5 @@ def is_blank(photo: Rgb) -> bool:
         >>> is_blank(np.full((8, 8, 3), 255, dtype=np.uint8))
         True
     """
-    _, spread = cv2.meanStdDev(photo)
-    return bool(spread.max() < BLANK_SPREAD)
+    _, std = cv2.meanStdDev(photo)
+    return bool(std.max() < BLANK_STD)

@@ -1,4 +1,4 @@
-"""Where and when a photo was taken, as far as its file tells."""
+"""Read where and when a photo was taken from its EXIF data."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ EXIF_TIME = "%Y:%m:%d %H:%M:%S"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exif:
-    """What a camera noted beside the pixels.
+    """Position and time from a photo's EXIF data.
 
     Attributes:
         gps: Latitude and longitude in degrees, north and east positive (WGS 84).

@@ -1,4 +1,4 @@
-"""Where patches lie in a photo: the exact mapping between patch grid and pixels."""
+"""The mapping between a patch grid and the pixels of a photo."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class PatchGrid:
     """A regular grid of patch centres over a photo.
 
-    Pixel centres are whole numbers, so a photo of width W spans -0.5 .. W - 0.5.
+    Pixel centres are integers, so a photo of width W spans -0.5 .. W - 0.5.
 
     Attributes:
         size_hw: Number of patch rows and columns.
@@ -29,7 +29,7 @@ class PatchGrid:
 
     @classmethod
     def covering(cls, photo_hw: tuple[int, int], *, size_hw: tuple[int, int]) -> PatchGrid:
-        """Lay patches edge to edge over a whole photo.
+        """Return the grid of patches that tile a whole photo.
 
         Example:
             >>> PatchGrid.covering((32, 64), size_hw=(2, 4)).origin_xy
@@ -48,11 +48,11 @@ class PatchGrid:
         return float(np.sqrt(self.stride_xy[0] * self.stride_xy[1]))
 
     def to_pixels(self, cells_xy: PointsXy) -> PointsXy:
-        """Carry (column, row) positions, fractions allowed, to (x, y) in pixels; both (N, 2)."""
+        """Map (column, row) positions, fractions allowed, to (x, y) in pixels; both (N, 2)."""
         return np.asarray(cells_xy, dtype=np.float64) * self.stride_xy + self.origin_xy
 
     def to_cells(self, points_xy: PointsXy) -> PointsXy:
-        """Carry (x, y) in pixels to fractional (column, row) positions; both (N, 2)."""
+        """Map (x, y) in pixels to fractional (column, row) positions; both (N, 2)."""
         return (np.asarray(points_xy, dtype=np.float64) - self.origin_xy) / self.stride_xy
 
     def centres_xy(self) -> PointsXy:

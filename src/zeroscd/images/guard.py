@@ -1,4 +1,4 @@
-"""Pillow at work: without a word, and with every failure an ImageError."""
+"""Run Pillow silently, with every failure an ImageError."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from zeroscd.errors import ImageError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-# A wide net is right at this door and nowhere else: behind it lie parsers that meet bytes from
-# anywhere and promise no particular exception. The price is that a mistake of ours in here looks
-# like damage, so tests read every format. The first four are what `scripts/fuzz_images.py` found
-# in half a million inputs, with the newest and the oldest Pillow allowed.
+# Catching this much is right here and nowhere else: Pillow's parsers read bytes from anywhere and
+# document no particular exceptions. The price is that a bug of ours in here is reported as damage,
+# so tests read every format. The first four are what `scripts/fuzz_images.py` met in half a
+# million inputs, with the newest and the oldest supported Pillow.
 DAMAGE = (
-    OSError,  # cut short, a decoder's error; nearly all
+    OSError,  # truncated, or a decoder's error: nearly all
     ValueError,  # numbers out of range, texts too large or not decodable
-    SyntaxError,  # a broken chunk of a PNG, a header against the rules
-    TypeError,  # tags of the wrong kind
-    # Never met, but a parser's natural failures: the next Pillow may have them.
+    SyntaxError,  # a broken chunk of a PNG, an invalid header
+    TypeError,  # tags of the wrong type
+    # Not met yet, but likely in a parser: another Pillow may raise them.
     LookupError,
     ArithmeticError,
     AttributeError,
@@ -40,30 +40,30 @@ DAMAGE = (
     zlib.error,
 )
 
-# Warning filters and the error stream belong to the whole process: two threads that change them
-# at once would restore each other's. Decoding takes milliseconds where detection takes a second.
-_ONE_AT_A_TIME = threading.Lock()
+# Warning filters and stderr are global to the process: two threads that change them at once would
+# restore each other's. Decoding takes milliseconds where detection takes a second.
+_LOCK = threading.Lock()
 
-# Without any handler, Python prints errors that Pillow logs. With this one it does not, and an
-# application that asked for Pillow's log still gets it.
-_PILLOW_LOG, _NOWHERE = logging.getLogger("PIL"), logging.NullHandler()
+# Without any handler, Python prints the errors that Pillow logs. With this one it does not, and an
+# application that configured Pillow's log still gets them.
+_PILLOW_LOG, _NULL_HANDLER = logging.getLogger("PIL"), logging.NullHandler()
 
-_STDERR = 2  # the file descriptor, which is what libtiff writes to
+_STDERR = 2  # file descriptor: libtiff writes to it directly
 
 
 @contextmanager
 def guarded(name: str) -> Iterator[None]:
-    """Keep Pillow silent inside, and turn whatever it trips over into an ImageError.
+    """Silence Pillow inside, and turn every exception of its parsers into an ImageError.
 
     Args:
-        name: What the photo is called in messages.
+        name: Of the photo, for messages.
 
     Raises:
-        ImageError: Pillow failed, in any way.
+        ImageError: Pillow failed.
     """
-    with _ONE_AT_A_TIME, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # odd metadata is no news; sizes are checked by the reader
-        _PILLOW_LOG.addHandler(_NOWHERE)
+    with _LOCK, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about metadata; the reader checks sizes itself
+        _PILLOW_LOG.addHandler(_NULL_HANDLER)
         try:
             yield
         except UnidentifiedImageError as error:
@@ -76,21 +76,21 @@ def guarded(name: str) -> Iterator[None]:
             message = f"{name} is damaged or cut short; copy it again or export it anew"
             raise ImageError(message) from error
         finally:
-            _PILLOW_LOG.removeHandler(_NOWHERE)
+            _PILLOW_LOG.removeHandler(_NULL_HANDLER)
 
 
 @contextmanager
 def libtiff_muted() -> Iterator[None]:
-    """Keep libtiff's own lines about damage off the error stream; call it inside `guarded`."""
+    """Keep libtiff's messages off stderr; only inside `guarded`, whose lock it needs."""
     try:
-        kept = os.dup(_STDERR)
-    except OSError:  # a process without an error stream needs no muting
+        stderr = os.dup(_STDERR)
+    except OSError:  # the process has no stderr
         yield
         return
     try:
-        with Path(os.devnull).open("wb") as nowhere:
-            os.dup2(nowhere.fileno(), _STDERR)
+        with Path(os.devnull).open("wb") as devnull:
+            os.dup2(devnull.fileno(), _STDERR)
         yield
     finally:
-        os.dup2(kept, _STDERR)
-        os.close(kept)
+        os.dup2(stderr, _STDERR)
+        os.close(stderr)

@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Photo:
-    """A photo as it was read.
+    """A decoded photo.
 
     Attributes:
         pixels: (H, W, 3) uint8 RGB, upright.
-        path: Where it came from; None for bytes and arrays.
+        path: Path or address of its file; None for bytes and arrays.
     """
 
     pixels: Rgb

@@ -1,4 +1,4 @@
-"""The door for photos: any source to an upright RGB array, or one line that says what is wrong."""
+"""Read photos from any source to upright RGB arrays, or say in one line what is wrong."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
     PhotoSource: TypeAlias = str | Path | bytes | Image.Image | NDArray[Any]
 
-# Pillow knows forty more, down to PostScript, which it would hand to another program.
-FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM")  # JPEG opens MPO too
-# What files of these formats are called; folders are searched for them.
+# Pillow reads forty more, even PostScript, for which it runs another program.
+FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM")  # JPEG includes MPO
+# Of files of these formats; others in a folder are no photos.
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".gif", ".ppm"})
 
 MEGA = 1_000_000
@@ -37,7 +37,7 @@ MEGA = 1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhotoLimits:
-    """What a photo may be at most and must be at least; checked before pixels are decoded."""
+    """Largest and smallest photo; checked before pixels are decoded."""
 
     max_pixels: int = 89_478_485  # a quarter gigabyte of RGB; Pillow's own warning starts here
     max_file_bytes: int = 2**28  # a quarter gigabyte: the same number of pixels, uncompressed
@@ -50,13 +50,13 @@ DEFAULT_LIMITS = PhotoLimits()
 def read_photo(
     source: PhotoSource, *, limits: PhotoLimits = DEFAULT_LIMITS, name: str | None = None
 ) -> Photo:
-    """Read a photo as a person would see it: upright, in colour, transparency on white.
+    """Read a photo as a viewer would show it: upright, RGB, transparency on white.
 
     Args:
-        source: A path; a file's bytes; a Pillow picture, as it stands; or an array of shape
-            (H, W), (H, W, 3) or (H, W, 4), uint8 or uint16. Of an animation the first frame counts.
+        source: A path; a file's bytes; a Pillow picture; or an array of shape (H, W), (H, W, 3) or
+            (H, W, 4), uint8 or uint16. Of an animation the first frame is read.
         limits: Sizes beyond which the photo is refused.
-        name: Where bytes came from, which the photo then keeps as its path.
+        name: Path of the file that bytes came from, which becomes the photo's path.
 
     Raises:
         ImageError: The source is missing, unreadable, damaged, cut short, too large or too small.
@@ -68,8 +68,8 @@ def read_photo(
     if isinstance(source, str | Path):
         return read_photo(read_file(source, limits=limits), limits=limits, name=str(source))
     if isinstance(source, bytes):
-        called = "the photo given as bytes" if name is None else one_line(name)
-        return Photo(pixels=_decode(source, called, limits), path=name)
+        label = "the photo given as bytes" if name is None else one_line(name)
+        return Photo(pixels=_decode(source, label, limits), path=name)
     if isinstance(source, Image.Image):
         with guarded("the picture given"):
             return Photo(pixels=_pixels(source, "the picture given", limits))
@@ -82,7 +82,7 @@ def read_photo(
 
 
 def read_file(path: str | Path, *, limits: PhotoLimits = DEFAULT_LIMITS) -> bytes:
-    """Read a photo's file without looking inside; one byte more than allowed of a larger one.
+    """Return the bytes of a photo's file; one byte more than the limit of a larger file.
 
     Raises:
         ImageError: It is missing, unreadable, a folder, a pipe or a device.

@@ -1,4 +1,4 @@
-"""The size at which an encoder looks at a photo."""
+"""The input size of an encoder, and resizing to it."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ if TYPE_CHECKING:
 
 
 def working_size(photo_hw: tuple[int, int], *, side_px: int, multiple: int) -> tuple[int, int]:
-    """Choose the size at which an encoder looks at a photo, about side_px x side_px in area.
+    """Return an encoder's input size for a photo, with an area of about side_px x side_px.
 
-    By area and not by the longer side, so that a panorama costs what a square photo costs and
-    keeps as many patches. Each side is the nearest multiple; the shape changes by at most half
-    a multiple a side. Only a strip too thin for one multiple at this area is squeezed more.
+    By area and not by the longer side, so that a panorama takes as long as a square photo and has
+    as many patches. Each side is rounded to the nearest multiple, which changes the aspect ratio
+    by at most half a multiple a side; more only for a strip too thin for one multiple.
 
     Args:
         photo_hw: Height and width of the photo, in pixels.
         side_px: Side of the square with the wanted area; at least one multiple.
-        multiple: What both sides shall be a multiple of: the encoder's stride or patch side.
+        multiple: The encoder's stride or patch side, of which both sides are multiples.
 
     Example:
         >>> working_size((480, 640), side_px=512, multiple=32)
@@ -30,18 +30,18 @@ def working_size(photo_hw: tuple[int, int], *, side_px: int, multiple: int) -> t
         (240, 1088)
     """
     scale = side_px / float(np.sqrt(photo_hw[0] * photo_hw[1]))
-    most = side_px**2 // multiple**2  # patches in all: a strip of them, one patch high
+    max_patches = side_px**2 // multiple**2  # in all; a strip may be one patch high
     height, width = (
-        min(max(round(side * scale / multiple), 1), most) * multiple for side in photo_hw
+        min(max(round(side * scale / multiple), 1), max_patches) * multiple for side in photo_hw
     )
     return height, width
 
 
 def resize(photo: Rgb, size_hw: tuple[int, int]) -> Rgb:
-    """Resize a photo: areas are averaged where it shrinks, curves drawn where it grows.
+    """Resize a photo: area averaging where it shrinks, cubic interpolation where it grows.
 
-    Edges stay edges: pixel x of the result shows (x + 0.5) * old / new - 0.5 of the photo, which
-    is the mapping of `PatchGrid.covering`.
+    Pixel x of the result shows (x + 0.5) * old / new - 0.5 of the photo, the mapping of
+    `PatchGrid.covering`.
 
     Args:
         photo: (H, W, 3).

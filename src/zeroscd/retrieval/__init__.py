@@ -1,4 +1,4 @@
-"""Which old photo shows this place? An index on disk, nearest descriptors, then matched patches.
+"""Place recognition: which old photo shows the place of a new one. An index on disk.
 
 from zeroscd.retrieval import PlaceIndex
 

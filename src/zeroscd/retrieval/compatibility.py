@@ -1,4 +1,4 @@
-"""Does this program still describe photos as the index has them? A known photo is asked."""
+"""Whether this version describes photos as the index does, checked with a reference photo."""
 
 from __future__ import annotations
 
@@ -20,68 +20,70 @@ if TYPE_CHECKING:
     from zeroscd.retrieval.describe import Place
 
 FORMAT = 1  # of the tables
-DESCRIBING = ("encoder", "side_px", "layer", "precision")  # settings that decide a description
-PHOTO = "before.jpg"
-# Another processor or library moves a description by less, another network by far more.
+# Settings that decide a photo's descriptors.
+DESCRIPTOR_SETTINGS = ("encoder", "side_px", "layer", "precision")
+REFERENCE_PHOTO = "before.jpg"
+# Another processor or library version moves the descriptors by less, another network by far more.
 MIN_COSINE, MIN_SCORE = 0.99, 0.8
 
 
 def describe_reference(encoder: PatchEncoder) -> Place:
-    """Describe the photo that comes with the package."""
-    content = files("zeroscd").joinpath("samples", PHOTO).read_bytes()
+    """Describe the reference photo, which comes with the package."""
+    content = files("zeroscd").joinpath("samples", REFERENCE_PHOTO).read_bytes()
     return describe(read_photo(content), encoder)
 
 
 def about(settings: Settings) -> dict[str, Any]:
-    """Return what an index remembers of how its photos are described, as plain values."""
-    everything = asdict(settings)
+    """Return the metadata of an index, as plain values: format, settings, versions."""
+    values = asdict(settings)
     return {
         "format": FORMAT,
-        "settings": {name: everything[name] for name in DESCRIBING},
+        "settings": {name: values[name] for name in DESCRIPTOR_SETTINGS},
         "versions": versions(),
     }
 
 
-def settings_from(remembered: Mapping[str, Any], *, wanted: Settings | None = None) -> Settings:
-    """Return the settings under which an index describes photos.
+def settings_from(metadata: Mapping[str, Any], *, wanted: Settings | None = None) -> Settings:
+    """Return the settings that an index was built with.
 
     Args:
-        remembered: What `about` returned when the index was made.
-        wanted: Settings that somebody asks for; None = whatever the index has.
+        metadata: What `about` returned when the index was made.
+        wanted: Settings asked for; None = the index's own.
 
     Raises:
-        SettingsError: They would describe photos in another way, or the index has another format.
+        SettingsError: The settings asked for differ from the index's own in what decides a
+            descriptor, or the index has another format.
     """
-    if remembered.get("format") != FORMAT:
+    if metadata.get("format") != FORMAT:
         message = (
-            f"the place index has format {remembered.get('format')}, this version reads {FORMAT}; "
+            f"the place index has format {metadata.get('format')}, this version reads {FORMAT}; "
             "build it again in another folder"
         )
         raise SettingsError(message)
-    found = remembered["settings"]
-    for name in DESCRIBING:
-        asked = found[name] if wanted is None else getattr(wanted, name)
-        if asked != found[name]:
+    stored = metadata["settings"]
+    for name in DESCRIPTOR_SETTINGS:
+        asked = stored[name] if wanted is None else getattr(wanted, name)
+        if asked != stored[name]:
             message = (
-                f"the place index was built with {name} {found[name]}, not {asked}; "
-                f"ask with --set {name}={found[name]}, or build another index"
+                f"the place index was built with {name} {stored[name]}, not {asked}; "
+                f"ask with --set {name}={stored[name]}, or build another index"
             )
             raise SettingsError(message)
-    return Settings().override(found)
+    return Settings().override(stored)
 
 
-def check_compatibility(before: Place, today: Place, remembered: Mapping[str, Any]) -> None:
-    """Compare the known photo's description with the one made when the index was.
+def check_compatibility(before: Place, today: Place, metadata: Mapping[str, Any]) -> None:
+    """Compare the reference photo's descriptors with those stored when the index was made.
 
     Raises:
-        SettingsError: They differ: this program's descriptions cannot be compared with the index.
+        SettingsError: They differ, so that photos described now cannot be found in the index.
     """
     same = before.vector.shape == today.vector.shape and len(before.patches) == len(today.patches)
     if same and float(before.vector @ today.vector) >= MIN_COSINE:
         sizes_hw = (before.size_hw, today.size_hw)
         if geometric_score(before.patches, today.patches, sizes_hw=sizes_hw).score >= MIN_SCORE:
             return
-    version = remembered["versions"].get("zeroscd")
+    version = metadata["versions"].get("zeroscd")
     message = (
         f"the place index was built by zeroscd {version}, whose encoder describes photos in "
         "another way than this one's; build it again in another folder"

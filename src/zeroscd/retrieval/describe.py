@@ -1,4 +1,4 @@
-"""A photo as the index keeps it: what it shows, and where and when it was taken."""
+"""Describe the place that a photo shows: descriptors, position, time."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from zeroscd.retrieval.local_descriptors import LocalDescriptors
 
 
-NOTHING_NOTED = Exif()
+NO_EXIF = Exif()
 
 
 @runtime_checkable
 class PlaceEncoder(Protocol):
-    """An encoder that may have learned to describe places as a whole."""
+    """An encoder whose network may have a head trained for place recognition."""
 
     def places(self, photos: Sequence[Rgb]) -> NDArray[np.float32] | None:
         """Return (N, d) unit descriptors, or None if its network has no such head."""
@@ -35,26 +35,26 @@ class PlaceEncoder(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """What is known of the place that a photo shows.
+    """The place that a photo shows.
 
     Attributes:
-        vector: (d,) unit descriptor of the whole photo.
-        patches: Its telling patches, scale by scale.
+        vector: (d,) global descriptor of unit length.
+        patches: Local descriptors, one record a scale.
         size_hw: Height and width of the photo.
-        exif: Where and when it was taken, as far as known.
+        exif: Position and time, as far as known.
     """
 
     vector: NDArray[np.float32]
     patches: tuple[LocalDescriptors, ...]
     size_hw: tuple[int, int]
-    exif: Exif = NOTHING_NOTED
+    exif: Exif = NO_EXIF
 
 
 def describe(photo: Photo, encoder: PatchEncoder, *, exif: Exif | None = None) -> Place:
     """Describe the place that a photo shows.
 
-    The descriptor of the whole photo is the encoder's own where its checkpoint was trained for
-    place recognition, as PlaceFormer's is, and a sketch of its patches elsewhere.
+    The global descriptor comes from the encoder's own head where its checkpoint was trained for
+    place recognition, as PlaceFormer's was, and else from pooling its patch descriptors.
     """
     (maps,) = encoder.encode([photo.pixels])
     learned = encoder.places([photo.pixels]) if isinstance(encoder, PlaceEncoder) else None
@@ -62,5 +62,5 @@ def describe(photo: Photo, encoder: PatchEncoder, *, exif: Exif | None = None) -
         vector=global_descriptor(maps) if learned is None else learned[0],
         patches=local_descriptors(maps),
         size_hw=photo.size_hw,
-        exif=exif or NOTHING_NOTED,
+        exif=exif or NO_EXIF,
     )

@@ -1,4 +1,4 @@
-"""One descriptor of a whole photo from its patch descriptors, without training."""
+"""A global descriptor pooled from patch descriptors, without training."""
 
 from __future__ import annotations
 
@@ -16,47 +16,48 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Descriptors
     from zeroscd.records import FeatureMap
 
-DEPTHS = 3  # coarsest maps pooled: finer ones know textures, not places (docs/places.md)
-WIDTH = 512  # numbers a depth
-LENGTH_FLOOR = 1e-9
+LEVELS = 3  # coarsest maps pooled: finer ones describe textures, not places (docs/places.md)
+WIDTH = 512  # numbers a level
+MIN_NORM = 1e-9
 
 
 def global_descriptor(maps: Sequence[FeatureMap]) -> NDArray[np.float32]:
-    """Describe which things a photo shows together, wherever in the photo they lie.
+    """Pool the patch descriptors of a photo, whatever their positions.
 
-    For each depth, the second moments of the patch descriptors, mean over p of x_p x_p^T, are
-    read off in random directions: number k is the mean of (a_k . x_p)(b_k . x_p). Square roots
-    then keep a few repeated patches, such as windows of one house, from outvoting the rest.
+    For each level, the second moments of the patch descriptors, mean over p of x_p x_p^T, are
+    projected at random: number k is the mean of (a_k . x_p)(b_k . x_p). Signed square roots then
+    reduce burstiness: repeated patches, such as a facade's windows, would outweigh the rest.
 
     Args:
         maps: Of one photo, from coarse to fine.
 
     Returns:
-        (DEPTHS * WIDTH,) of unit length; fewer numbers from an encoder with fewer depths.
+        (LEVELS * WIDTH,) of unit length; fewer numbers from an encoder with fewer levels.
 
     Source: Gao et al., Compact Bilinear Pooling (CVPR 2016), the random Maclaurin projection;
         signed square root as in Jegou et al., Aggregating local image descriptors (PAMI 2012).
     """
-    parts = [_rooted(second_moments(one.descriptors)) for one in maps[:DEPTHS]]
-    return _unit(np.concatenate([_unit(part) for part in parts]))
+    parts = [_signed_sqrt(second_moments(level.descriptors)) for level in maps[:LEVELS]]
+    return _l2_normalised(np.concatenate([_l2_normalised(part) for part in parts]))
 
 
 def second_moments(descriptors: Descriptors) -> NDArray[np.float32]:
-    """Read the second moments of descriptors off in random directions, (WIDTH,).
+    """Return a random projection of the second moments of descriptors, (WIDTH,).
 
-    The mean product of two such readings estimates the mean squared cosine over all pairs of
-    descriptors, one from each photo.
+    The mean product of two photos' projections estimates the mean squared cosine over all pairs
+    of descriptors, one from each photo.
     """
+    # The names seed the projections: with others, indexes on disk could not be searched.
     flat = descriptors.reshape(-1, descriptors.shape[-1])
     a = random_projection("sketch a", flat.shape[1], WIDTH)
     b = random_projection("sketch b", flat.shape[1], WIDTH)
     return np.asarray(np.mean((flat @ a) * (flat @ b), axis=0))
 
 
-def _rooted(moments: NDArray[np.float32]) -> NDArray[np.float32]:
+def _signed_sqrt(moments: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.sign(moments) * np.sqrt(np.abs(moments)))
 
 
-def _unit(vector: NDArray[np.float32]) -> NDArray[np.float32]:
-    length = max(float(np.linalg.norm(vector)), LENGTH_FLOOR)
-    return np.asarray(vector / np.float32(length), dtype=np.float32)
+def _l2_normalised(vector: NDArray[np.float32]) -> NDArray[np.float32]:
+    norm = max(float(np.linalg.norm(vector)), MIN_NORM)
+    return np.asarray(vector / np.float32(norm), dtype=np.float32)

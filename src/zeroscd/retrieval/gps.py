@@ -1,4 +1,4 @@
-"""Distances on the ground between where photos were taken."""
+"""Distances along the ground between positions."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def box_around(centre: tuple[float, float], radius_m: float) -> tuple[float, flo
         [-1.0, 1.0, -1.0, 1.0]
     """
     latitude, longitude = centre
-    up = radius_m / METRES_A_DEGREE
-    south, north = latitude - up, latitude + up
+    north_deg = radius_m / METRES_A_DEGREE
+    south, north = latitude - north_deg, latitude + north_deg
     if max(abs(south), abs(north)) >= NEAR_POLE or radius_m >= EARTH_M:
         return south, north, -180.0, 180.0
-    # A circle reaches furthest east a little poleward of its centre.
-    reach = math.sin(radius_m / EARTH_M) / math.cos(math.radians(latitude))
-    aside = math.degrees(math.asin(min(1.0, reach)))
-    return south, north, _wrapped(longitude - aside), _wrapped(longitude + aside)
+    # The circle's easternmost point lies a little poleward of its centre.
+    sine = math.sin(radius_m / EARTH_M) / math.cos(math.radians(latitude))
+    east_deg = math.degrees(math.asin(min(1.0, sine)))
+    return south, north, _wrapped(longitude - east_deg), _wrapped(longitude + east_deg)
 
 
 def _wrapped(longitude: float) -> float:

@@ -1,4 +1,4 @@
-"""The place index: photos in, and for a new photo the old ones of the same place out."""
+"""The place index: add old photos; find those that show the place of a new one."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from zeroscd.retrieval.describe import Place
     from zeroscd.retrieval.store import Nearby
 
-AT_ONCE = 64  # photos described between two writes: what a kill may lose
-CANDIDATES = 30  # looked at patch by patch (docs/places.md)
+BATCH = 64  # photos described between two writes; a kill loses no more
+CANDIDATES = 30  # re-ranked by their patches (docs/places.md)
 # Score from which two photos count as of one place: wrong streets stay below (docs/places.md).
 RECOGNISED = 0.012
-DEFAULT = Settings(side_px=416)  # the lite encoder needs fewer pixels to know a place than a change
+DEFAULT = Settings(side_px=416)  # places need fewer pixels than changes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,12 +47,12 @@ class PlaceMatch:
     """An old photo that may show the place.
 
     Attributes:
-        path: Where it lies.
-        score: 0..1, share of telling patches that match and agree on a homography, all scales.
-        inliers: How many patches that are.
-        similarity: Cosine of the descriptors of the whole photos, by which it was proposed.
-        metres: From where the new photo was taken; None where either does not say.
-        exif: Where and when the old photo was taken.
+        path: Of its file.
+        score: 0..1, share of distinctive patches that match under a homography, over all scales.
+        inliers: Number of these patches.
+        similarity: Cosine of the global descriptors, by which candidates are chosen.
+        metres: Distance between where both were taken; None if either has no position.
+        exif: Position and time of the old photo.
     """
 
     path: str
@@ -68,10 +68,10 @@ class Added:
     """What `PlaceIndex.add` did.
 
     Attributes:
-        new: Photos that were not in the index.
-        changed: Photos whose file is another one now.
-        same: Photos that were there already.
-        failed: Why a photo cannot be added, by path.
+        new: Number of photos that were not in the index.
+        changed: Number of photos whose file has changed.
+        same: Number of photos that were in the index already.
+        failed: Reasons why photos could not be added, by path.
     """
 
     new: int = 0
@@ -81,12 +81,12 @@ class Added:
 
 
 class PlaceIndex:
-    """Old photos, found again by what they show.
+    """An index of old photos by the places that they show.
 
     Args:
-        store: Where they are kept.
-        encoder: What describes them; the one with which the index was made.
-        settings: Under which it does.
+        store: Holds the entries.
+        encoder: The encoder that the index was made with.
+        settings: The settings that the index was made with.
     """
 
     def __init__(self, store: Store, encoder: PatchEncoder, settings: Settings) -> None:
@@ -107,8 +107,8 @@ class PlaceIndex:
 
         Args:
             address: A folder, or an address of an object store such as "s3://bucket/places".
-            settings: Name the encoder and how it looks at photos; `DEFAULT` if not given.
-            encoder: The loaded encoder, if there is one already.
+            settings: Choose the encoder and its input size; `DEFAULT` if not given.
+            encoder: Used instead of loading the one that `settings` names.
             device: "auto", "cpu", "cuda" or "mps".
 
         Raises:
@@ -137,9 +137,9 @@ class PlaceIndex:
         """Open an index with the encoder that it was made with.
 
         Args:
-            address: Where it is.
-            settings: As somebody asks for them; refused if the index was made with others.
-            encoder: The loaded encoder, if there is one already.
+            address: A folder, or an address of an object store.
+            settings: Refused if the index was made with others; None = the index's own.
+            encoder: Used instead of loading the one that the index was made with.
             device: "auto", "cpu", "cuda" or "mps".
 
         Raises:
@@ -158,11 +158,11 @@ class PlaceIndex:
         return len(self._store)
 
     def add(self, paths: Sequence[str | Path], *, progress: Progress | None = None) -> Added:
-        """Add photos, leaving out those that are there; stopped runs lose a few photos at most.
+        """Add photos that are new or have changed; a killed run loses at most `BATCH` photos.
 
         Args:
-            paths: Of files; the index remembers them as absolute.
-            progress: Hears about every photo.
+            paths: Of files; made absolute.
+            progress: Told of every photo.
 
         Raises:
             OutputError: The index cannot be written.
@@ -173,7 +173,7 @@ class PlaceIndex:
         for path in dict.fromkeys(absolute(path) for path in paths):
             entry = self._take(path, known.get(path), done)
             waiting += [entry] if entry else []
-            if len(waiting) == AT_ONCE:
+            if len(waiting) == BATCH:
                 self._write(waiting, known)
                 waiting = []
             listener.advance(Path(path).name, reused=entry is None)
@@ -183,7 +183,7 @@ class PlaceIndex:
         return done
 
     def remove(self, paths: Iterable[str | Path]) -> int:
-        """Take photos, or all photos below folders, out of the index; return how many there were.
+        """Remove photos, or all photos below folders; return how many were removed.
 
         Raises:
             OutputError: The index cannot be written.
@@ -191,7 +191,7 @@ class PlaceIndex:
         return self._store.remove_below(paths)
 
     def describe(self, photo: PhotoSource, *, exif: Exif | None = None) -> Place:
-        """Describe the place that a photo shows; `exif` replaces what its file says.
+        """Describe the place that a photo shows; `exif` replaces that of its file.
 
         Raises:
             ImageError: It cannot be read.
@@ -207,19 +207,19 @@ class PlaceIndex:
     ) -> list[PlaceMatch]:
         """Find the old photos that show a place, best first.
 
-        The photos with the most similar descriptors are compared patch by patch.
+        The photos with the most similar global descriptors are re-ranked by their patches.
 
         Args:
             place: As `describe` returns it.
             count: How many photos at most.
-            nearby: Only within a radius; photos that do not say where they were taken are out.
-            rerank: False leaves the order of the descriptors, and scores at zero.
+            nearby: Search only this circle; photos without a position are left out.
+            rerank: If False, the order is that of the global descriptors, and scores are zero.
         """
-        wanted = max(count, CANDIDATES) if rerank else count
-        found = self._store.nearest(place.vector, wanted, nearby=nearby)
-        matches = [_match(place, entry, cosine, rerank=rerank) for entry, cosine in found]
-        # Sorting is stable: among equal scores the more similar descriptor stays first.
-        return sorted(matches, key=lambda one: -one.score)[:count]
+        limit = max(count, CANDIDATES) if rerank else count
+        nearest = self._store.nearest(place.vector, limit, nearby=nearby)
+        matches = [_match(place, entry, cosine, rerank=rerank) for entry, cosine in nearest]
+        # Sorting is stable: among equal scores the more similar global descriptor stays first.
+        return sorted(matches, key=lambda match: -match.score)[:count]
 
     def query(
         self, photo: PhotoSource, count: int = 5, *, nearby: Nearby | None = None
@@ -232,11 +232,11 @@ class PlaceIndex:
         return self.find(self.describe(photo), count, nearby=nearby)
 
     def state(self) -> str:
-        """Return what changes whenever the photos in the index do."""
+        """Return a digest that changes whenever the photos in the index do."""
         return self._store.state()
 
     def info(self) -> dict[str, Any]:
-        """Return what there is to know about the index, as plain values."""
+        """Return a description of the index, as plain values."""
         return self._store.info()
 
     def _take(self, path: str, known: str | None, done: Added) -> Entry | None:
@@ -261,8 +261,8 @@ class PlaceIndex:
     def _describe_file(
         self, content: bytes, *, name: str | None = None, exif: Exif | None = None
     ) -> Place:
-        noted = exif or read_exif(content)
-        return describe(read_photo(content, name=name), self._encoder, exif=noted)
+        photo = read_photo(content, name=name)
+        return describe(photo, self._encoder, exif=exif or read_exif(content))
 
     def _write(self, entries: list[Entry], known: dict[str, str]) -> None:
         if entries:
@@ -272,17 +272,17 @@ class PlaceIndex:
 
 def _match(place: Place, entry: Entry, cosine: float, *, rerank: bool) -> PlaceMatch:
     old = entry.place
-    agreement = (
+    geometric = (
         geometric_score(place.patches, old.patches, sizes_hw=(place.size_hw, old.size_hw))
         if rerank
         else None
     )
-    here, there = place.exif.gps, old.exif.gps
+    gps, old_gps = place.exif.gps, old.exif.gps
     return PlaceMatch(
         path=entry.path,
-        score=agreement.score if agreement else 0.0,
-        inliers=agreement.inliers if agreement else 0,
+        score=geometric.score if geometric else 0.0,
+        inliers=geometric.inliers if geometric else 0,
         similarity=cosine,
-        metres=metres(here, there) if here and there else None,
+        metres=metres(gps, old_gps) if gps and old_gps else None,
         exif=old.exif,
     )

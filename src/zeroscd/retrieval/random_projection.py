@@ -1,4 +1,4 @@
-"""Random signs that are the same for ever, on every machine and with every version of NumPy."""
+"""Random projections that are the same on every machine and with every version of NumPy."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 
 @functools.cache
-def random_projection(purpose: str, rows: int, cols: int) -> NDArray[np.float32]:
-    """Return a (rows, cols) matrix of -1 and 1, drawn by hashing what it is for.
+def random_projection(name: str, rows: int, cols: int) -> NDArray[np.float32]:
+    """Return a (rows, cols) matrix of -1 and 1, drawn from a hash of its name and size.
 
-    An index keeps what such a matrix made for years, so the draw must not depend on a library.
+    Indexes on disk hold projected descriptors for years: the draw may not depend on a library.
 
     Example:
         >>> random_projection("docs", 2, 4)
@@ -24,8 +24,8 @@ def random_projection(purpose: str, rows: int, cols: int) -> NDArray[np.float32]
                [ 1.,  1., -1.,  1.]], dtype=float32)
     """
     count = rows * cols
-    drawn = hashlib.shake_256(f"zeroscd {purpose} {rows}x{cols}".encode()).digest(-(-count // 8))
-    bits = np.unpackbits(np.frombuffer(drawn, np.uint8), count=count)
+    stream = hashlib.shake_256(f"zeroscd {name} {rows}x{cols}".encode()).digest(-(-count // 8))
+    bits = np.unpackbits(np.frombuffer(stream, np.uint8), count=count)
     signs = (2.0 * bits - 1.0).astype(np.float32).reshape(rows, cols)
     signs.flags.writeable = False
     return signs

@@ -1,4 +1,4 @@
-"""An entry of the index as a row of its table, and back."""
+"""Convert entries of the index to rows of its table, and back."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-ABOUT = b"zeroscd"  # key of a table's metadata
+ABOUT = b"zeroscd"  # key in a table's metadata
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +25,9 @@ class Entry:
     """A photo in the index.
 
     Attributes:
-        path: Where the photo lies.
-        digest: Of its bytes when it was described.
-        place: What it shows.
+        path: Absolute path of its file.
+        digest: Of the file's bytes when the photo was described.
+        place: Its descriptors, position and time.
     """
 
     path: str
@@ -36,7 +36,7 @@ class Entry:
 
 
 def schema_of(vector_length: int, about: Mapping[str, Any]) -> pa.Schema:
-    """Return the columns of an index; `about` holds plain values and travels with them."""
+    """Return the columns of an index; `about`, plain values, is kept in their metadata."""
     import pyarrow as pa  # noqa: PLC0415 - half a second
 
     return pa.schema(
@@ -56,7 +56,7 @@ def schema_of(vector_length: int, about: Mapping[str, Any]) -> pa.Schema:
 
 
 def about_of(schema: pa.Schema) -> dict[str, Any]:
-    """Return the plain values that travel with the columns."""
+    """Return the plain values in the columns' metadata."""
     return dict(json.loads(schema.metadata[ABOUT]))
 
 
@@ -84,7 +84,7 @@ def _row(entry: Entry) -> dict[str, object]:
 
 
 def to_entry(row: Mapping[str, Any]) -> Entry:
-    """Return the entry that a row holds."""
+    """Return a row as an entry."""
     gps = None if row["latitude"] is None else (row["latitude"], row["longitude"])
     place = Place(
         vector=np.asarray(row["vector"], dtype=np.float32),

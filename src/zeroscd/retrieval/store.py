@@ -1,4 +1,4 @@
-"""Places on disk or in object storage: a LanceDB table, searched exactly or approximately."""
+"""The index on disk or in object storage: a LanceDB table, searched exactly or approximately."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 PLACES, REFERENCE = "places", "reference"
 PATHS_AT_ONCE = 500  # in one condition
-# Below this many places every vector is compared: exact, and still quick (docs/places.md).
+# Up to here every vector is compared: exact, and fast enough (docs/places.md).
 APPROXIMATE_FROM = 100_000
-REFINE = 10  # times as many candidates as asked for are compared again exactly
-PROBES = 40  # cells of the approximate index that are searched
-ROUNDS = 10  # of k-means for the cells; what they miss, the exact comparison makes good
-RUST_LINE = re.compile(r", \S+\.rs:\d+:\d+$")  # where in LanceDB's source it failed
-KEPT = timedelta(days=1)  # what was replaced, for surveys that have the index open
+REFINE_FACTOR = 10  # times as many candidates as asked for are compared again exactly
+N_PROBES = 40  # cells of the approximate index that are searched
+KMEANS_ITERATIONS = 10  # for the cells; few suffice, as candidates are compared again exactly
+RUST_SOURCE = re.compile(r", \S+\.rs:\d+:\d+$")  # LanceDB's messages end with its source line
+KEEP_VERSIONS = timedelta(days=1)  # replaced data, for surveys that have the index open
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +53,11 @@ class Nearby:
 
 
 class Store:
-    """The tables of one index; `create` or `open` makes it."""
+    """The tables of an index; made by `create` or `open`."""
 
     def __init__(self, table: Table, reference: Table, address: str) -> None:
         self._table = table
-        self._canary = reference
+        self._reference = reference
         self._address = one_line(address)
 
     @classmethod
@@ -66,8 +66,8 @@ class Store:
 
         Args:
             address: A folder, or an address of an object store.
-            about: Plain values that `about` returns later.
-            reference: A known photo, described by what describes all others.
+            about: Plain values, which the property `about` returns later.
+            reference: The reference photo, described by the index's encoder.
 
         Raises:
             OutputError: It cannot be written.
@@ -76,11 +76,11 @@ class Store:
         schema = schema_of(len(reference.vector), about)
         with _writing(address):
             database = _connect(address)
-            database.drop_table(REFERENCE, ignore_missing=True)  # of a creation that was cut short
-            second = database.create_table(REFERENCE, schema=schema)
-            second.add(to_rows([Entry(REFERENCE, "", reference)], schema))
-            # Last, so that an index that has its table of places is whole.
-            return cls(database.create_table(PLACES, schema=schema), second, address)
+            database.drop_table(REFERENCE, ignore_missing=True)  # of a killed creation
+            reference_table = database.create_table(REFERENCE, schema=schema)
+            reference_table.add(to_rows([Entry(REFERENCE, "", reference)], schema))
+            # Last, so that an index with a table of places is complete.
+            return cls(database.create_table(PLACES, schema=schema), reference_table, address)
 
     @classmethod
     def open(cls, address: str) -> Store:
@@ -96,7 +96,7 @@ class Store:
                 "make one: zeroscd index build PHOTOS -o PLACES"
             )
             raise DatasetError(message)
-        with _telling(f"cannot read the place index {one_line(address)}", DatasetError):
+        with _own_errors(f"cannot read the place index {one_line(address)}", DatasetError):
             database = _connect(address)
             return cls(database.open_table(PLACES), database.open_table(REFERENCE), address)
 
@@ -105,21 +105,21 @@ class Store:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What was said when the index was made."""
-        return about_of(self._canary.schema)
+        """The plain values that the index was made with."""
+        return about_of(self._reference.schema)
 
     @property
     def reference(self) -> Place:
-        """The known photo as it was described when the index was made."""
-        return to_entry(self._canary.to_arrow().to_pylist()[0]).place
+        """The reference photo as it was described when the index was made."""
+        return to_entry(self._reference.to_arrow().to_pylist()[0]).place
 
     @property
     def approximate(self) -> bool:
-        """Whether searches without a radius look at a part of the places only."""
+        """Whether searches without a radius are approximate."""
         return bool(list(self._table.list_indices()))
 
     def known(self) -> dict[str, str]:
-        """Return the digest of every photo by path."""
+        """Return the digests of all photos, by path."""
         columns = self._table.search().select(["path", "digest"]).limit(len(self)).to_arrow()
         return dict(zip(*(columns[name].to_pylist() for name in ("path", "digest")), strict=True))
 
@@ -133,7 +133,7 @@ class Store:
             self._table.add(to_rows(entries, self._table.schema))
 
     def remove(self, paths: Sequence[str]) -> None:
-        """Take photos out; unknown paths are none of its business.
+        """Remove photos; paths that are not in the index are ignored.
 
         Raises:
             OutputError: It cannot be written.
@@ -144,26 +144,26 @@ class Store:
                 self._table.delete(f"path IN ({listed})")
 
     def remove_below(self, paths: Iterable[str | Path]) -> int:
-        """Take out photos, or all photos below folders; return how many there were.
+        """Remove photos, or all photos below folders; return how many were removed.
 
         Raises:
             OutputError: It cannot be written.
         """
         unwanted = [Path(absolute(path)) for path in paths]
-        found = [
+        removed = [
             known
             for known in self.known()
             if any(Path(known).is_relative_to(path) for path in unwanted)
         ]
-        self.remove(found)
-        return len(found)
+        self.remove(removed)
+        return len(removed)
 
     def state(self) -> str:
-        """Return what changes whenever the entries do, and not when they are only tidied."""
+        """Return a digest of the entries' paths and photos; `tidy` does not change it."""
         return digest_values(self.known())
 
     def info(self) -> dict[str, Any]:
-        """Return what there is to know about the index, as plain values."""
+        """Return a description of the index, as plain values."""
         return {
             "photos": len(self),
             "search": "approximate" if self.approximate else "exact",
@@ -171,21 +171,21 @@ class Store:
         }
 
     def tidy(self) -> None:
-        """Merge what many small additions left behind; make searches approximate past a size.
+        """Compact the table after many small writes; from a size on, build the vector index.
 
         Raises:
             OutputError: It cannot be written.
         """
         with _writing(self._address):
             if len(self) >= APPROXIMATE_FROM and not self.approximate:
-                self._make_approximate()
-            self._table.optimize(cleanup_older_than=KEPT)
+                self._build_vector_index()
+            self._table.optimize(cleanup_older_than=KEEP_VERSIONS)
 
-    def _make_approximate(self) -> None:
+    def _build_vector_index(self) -> None:
         from lancedb.index import IvfSq  # noqa: PLC0415 - half a second; only for large indexes
 
         cells = math.isqrt(len(self))
-        kind = IvfSq(distance_type="cosine", num_partitions=cells, max_iterations=ROUNDS)
+        kind = IvfSq(distance_type="cosine", num_partitions=cells, max_iterations=KMEANS_ITERATIONS)
         self._table.create_index("vector", config=kind)
 
     def nearest(
@@ -193,47 +193,47 @@ class Store:
     ) -> list[tuple[Entry, float]]:
         """Return the entries most similar to a descriptor, each with its cosine, best first.
 
-        With a radius every place within it is compared, however large the index is.
+        Within a radius the search is exact, however large the index is.
         """
         if nearby is None:
             return self._search(vector, count, where=None)
-        # The box around the circle is what the table can be asked for.
-        where, asked = _within(nearby), count
+        # The table can be filtered by a box; of its entries those outside the circle are dropped.
+        where, limit = _within(nearby), count
         while True:
-            found = self._search(vector, asked, where=where)
-            near = [one for one in found if _is_near(one[0], nearby)]
-            if len(near) >= count or len(found) < asked:
-                return near[:count]
-            asked *= 2
+            in_box = self._search(vector, limit, where=where)
+            in_circle = [result for result in in_box if _is_near(result[0], nearby)]
+            if len(in_circle) >= count or len(in_box) < limit:
+                return in_circle[:count]
+            limit *= 2
 
     def _search(
         self, vector: NDArray[np.float32], count: int, *, where: str | None
     ) -> list[tuple[Entry, float]]:
-        # Typed as any query; with a vector it is one that knows distances and indices.
+        # LanceDB types it as a query without the methods of vector queries.
         search: Any = self._table.search(vector, vector_column_name="vector")
         search = search.distance_type("cosine").limit(count)
         if where is not None:
             search = search.where(where).bypass_vector_index()
         else:
-            search = search.nprobes(PROBES).refine_factor(REFINE)
+            search = search.nprobes(N_PROBES).refine_factor(REFINE_FACTOR)
         return [(to_entry(row), 1.0 - float(row["_distance"])) for row in search.to_list()]
 
 
 def is_index(address: str) -> bool:
-    """Say whether there is a place index at an address.
+    """Return whether there is a place index at an address.
 
     Raises:
         SettingsError: LanceDB is not installed.
-        DatasetError: The object store cannot be asked.
+        DatasetError: The object store cannot be read.
     """
     if "://" not in address and not _is_folder(Path(address) / f"{PLACES}.lance"):
-        return False  # without asking LanceDB, which would make the folder
-    with _telling(f"cannot read the place index {one_line(address)}", DatasetError):
+        return False  # connecting would make the folder
+    with _own_errors(f"cannot read the place index {one_line(address)}", DatasetError):
         return PLACES in _connect(address).list_tables().tables
 
 
 def _is_folder(path: Path) -> bool:
-    """Say so of any text: a name that is too long for the system is no folder."""
+    """Return False also for a name that is too long for the system."""
     try:
         return path.is_dir()
     except OSError:
@@ -250,25 +250,25 @@ def _connect(address: str) -> Any:  # noqa: ANN401 - LanceDB's connection, impor
 
 
 def _writing(address: str) -> AbstractContextManager[None]:
-    return _telling(f"cannot write the place index {one_line(address)}", OutputError)
+    return _own_errors(f"cannot write the place index {one_line(address)}", OutputError)
 
 
 @contextmanager
-def _telling(what: str, kind: type[ZeroscdError]) -> Iterator[None]:
+def _own_errors(what: str, kind: type[ZeroscdError]) -> Iterator[None]:
     try:
         yield
-    except (OSError, RuntimeError, ValueError) as error:  # a disk or network, as LanceDB puts it
-        reason = RUST_LINE.sub("", (str(error).splitlines() or [repr(error)])[0])
+    except (OSError, RuntimeError, ValueError) as error:  # LanceDB's, for disk and network
+        reason = RUST_SOURCE.sub("", (str(error).splitlines() or [repr(error)])[0])
         message = f"{what}: {reason}"
         raise kind(message) from error
 
 
 def _within(nearby: Nearby) -> str:
     south, north, west, east = box_around(nearby.centre, nearby.radius_m)
-    joined = "AND" if west <= east else "OR"
+    operator = "AND" if west <= east else "OR"
     return (
         f"latitude BETWEEN {south!r} AND {north!r} "
-        f"AND (longitude >= {west!r} {joined} longitude <= {east!r})"
+        f"AND (longitude >= {west!r} {operator} longitude <= {east!r})"
     )
 
 

@@ -1,4 +1,4 @@
-"""New photos of a city against an index of old ones: what changed where.
+"""Surveys: find the old photo of each new one, compare both, report what changed where.
 
 from zeroscd.retrieval import PlaceIndex
 from zeroscd.survey import survey

@@ -1,4 +1,4 @@
-"""The tables of a batch, read together: each pair with its changes."""
+"""Read both tables of a batch: each pair with its changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROWS = 1000  # read at a time
 
 @dataclass(frozen=True, slots=True)
 class ComparedPair:
-    """One compared pair.
+    """A compared pair.
 
     Attributes:
         pair: Its row in `pairs.parquet`.
@@ -33,23 +33,25 @@ class ComparedPair:
 
     @property
     def severity(self) -> float:
-        """How much changed: the changes' shares of their photos, weighted by their scores."""
+        """Sum of the changes' shares of their photos' area, weighted by their scores."""
         return sum(
-            float(one["score"]) * int(one["area_px"]) / (int(one["height"]) * int(one["width"]))
-            for one in self.changes
+            float(change["score"])
+            * int(change["area_px"])
+            / (int(change["height"]) * int(change["width"]))
+            for change in self.changes
         )
 
 
 def read_compared_pairs(folder: Path) -> Iterator[ComparedPair]:
-    """Yield the compared pairs of a batch, in its order, a few in memory at a time."""
+    """Yield the compared pairs of a batch, in the manifest's order, few in memory at a time."""
     changes = _rows(folder / CHANGES)
-    following = next(changes, None)
+    upcoming = next(changes, None)
     for pair in _rows(folder / PAIRS):
         own = []
-        # Both tables are in the order of the manifest.
-        while following is not None and following["pair"] == pair["pair"]:
-            own.append(following)
-            following = next(changes, None)
+        # Both tables have the manifest's order.
+        while upcoming is not None and upcoming["pair"] == pair["pair"]:
+            own.append(upcoming)
+            upcoming = next(changes, None)
         if pair["status"] != FAILED:
             yield ComparedPair(pair, tuple(own))
 

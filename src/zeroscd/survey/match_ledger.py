@@ -1,4 +1,4 @@
-"""What was found for each new photo, on disk, so that a survey that was killed looks on."""
+"""Matches on disk, so that a killed survey does not look them up again."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FILE = "matches.jsonl"
 
 
 class MatchLedger(Ledger[PhotoMatch]):
-    """A line for each match, under a key of all that it was found from.
+    """A file of matches, each under a digest of all that it was computed from.
 
     Args:
         folder: Where the file lies; it must exist.

@@ -1,4 +1,4 @@
-"""For a new photo the old one of the same place, or the reason why there is none."""
+"""Find the old photo of the place that a new one shows, or say why there is none."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 @renamed_fields({"least_score": "min_score"})
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchRules:
-    """When an old photo counts as one of the same place.
+    """Which old photos count as of the same place.
 
     Attributes:
-        within_m: It was taken within this many metres; None = anywhere.
-        min_score: Its score is at least this.
+        within_m: Largest distance between where both were taken, in metres; None = any.
+        min_score: Lowest score.
     """
 
     within_m: float | None = None
@@ -32,15 +32,15 @@ class MatchRules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhotoMatch:
-    """What was found for one new photo.
+    """The old photo of a new one.
 
     Attributes:
         new: Path of the new photo.
         old: Path of the old photo of the same place; None if there is none.
         reason: Why there is none.
-        score: Of the old photo, 0..1.
-        inliers: LocalDescriptors by which it was recognised.
-        metres: Between where the two were taken, where both say.
+        score: Of the match, 0..1.
+        inliers: Number of patches that match under a homography.
+        metres: Distance between where both were taken; None if either has no position.
     """
 
     new: str
@@ -52,9 +52,9 @@ class PhotoMatch:
 
 
 def match_photo(new: str, index: PlaceIndex, rules: MatchRules) -> PhotoMatch:
-    """Look for the old photo of the place that a new one shows.
+    """Find the old photo of the place that a new one shows.
 
-    A photo that is in the index itself is not its own old photo.
+    A new photo that is in the index too does not match itself.
     """
     try:
         place = index.describe(new)
@@ -66,17 +66,17 @@ def match_photo(new: str, index: PlaceIndex, rules: MatchRules) -> PhotoMatch:
             return PhotoMatch(new=new, reason="the photo does not say where it was taken")
         nearby = Nearby(place.exif.gps, rules.within_m)
     itself = absolute(new)
-    found = [match for match in index.find(place, 2, nearby=nearby) if match.path != itself]
-    return _judge(new, found[0] if found else None, rules)
+    others = [match for match in index.find(place, 2, nearby=nearby) if match.path != itself]
+    return _apply_rules(new, others[0] if others else None, rules)
 
 
-def _judge(new: str, best: PlaceMatch | None, rules: MatchRules) -> PhotoMatch:
+def _apply_rules(new: str, best: PlaceMatch | None, rules: MatchRules) -> PhotoMatch:
     if best is None:
         where = "" if rules.within_m is None else f" within {rules.within_m:g} m"
         return PhotoMatch(new=new, reason=f"there is no old photo{where}")
     if best.score < rules.min_score:
         reason = (
-            f"no old photo shows this place; the likest, {Path(best.path).name}, has score "
+            f"no old photo shows this place; the most similar, {Path(best.path).name}, has score "
             f"{best.score:.3f} of the {rules.min_score:g} needed"
         )
         return PhotoMatch(new=new, reason=reason)

@@ -1,4 +1,4 @@
-"""What a survey leaves to read: GeoJSON, a COCO file, thumbnails and one page."""
+"""The reports of a survey: GeoJSON, COCO, thumbnails, one page."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import json
 from heapq import nlargest
 from typing import TYPE_CHECKING
 
-from zeroscd.errors import OutputError
 from zeroscd.export.coco import MarkedPhoto, coco
 from zeroscd.export.files import REPORT
 from zeroscd.export.geojson import feature, geojson_lines
-from zeroscd.output import replacing
+from zeroscd.output import replacing, writing
 from zeroscd.records import Region
 from zeroscd.survey.compared_pairs import read_compared_pairs, read_failures
 from zeroscd.survey.page import MAX_CARDS, Content, render_page
@@ -28,7 +27,7 @@ GEOJSON, COCO = "changes.geojson", "coco.json"
 
 
 def write_reports(folder: Path, matches: Sequence[PhotoMatch]) -> Path:
-    """Write all of it beside the tables of a batch, and return where the page lies.
+    """Write GeoJSON, COCO, thumbnails and the page beside a batch's tables; return the page's path.
 
     Args:
         folder: Holds `pairs.parquet` and `changes.parquet`.
@@ -37,23 +36,20 @@ def write_reports(folder: Path, matches: Sequence[PhotoMatch]) -> Path:
     Raises:
         OutputError: The folder cannot be written.
     """
-    try:
+    with writing(folder):
         _write(folder / GEOJSON, geojson_lines(_features(folder)))
         _write(folder / COCO, _coco_text(folder))
-        worst = nlargest(MAX_CARDS, read_compared_pairs(folder), key=lambda one: one.severity)
+        worst = nlargest(MAX_CARDS, read_compared_pairs(folder), key=lambda pair: pair.severity)
         thumbs = draw_thumbs(worst, folder)
         content = Content(
             cards=worst,
             thumbs=thumbs,
             matches=matches,
             failures=tuple(read_failures(folder)),
-            reports=frozenset(one.name for one in worst if (folder / one.name / REPORT).exists()),
+            reports=frozenset(p.name for p in worst if (folder / p.name / REPORT).exists()),
             everything=sum(1 for _ in read_compared_pairs(folder)),
         )
         _write(folder / REPORT, [render_page(content).encode("utf-8", "replace")])
-    except OSError as error:
-        message = f"cannot write {folder}: {error.strerror or error}; make room or choose -o"
-        raise OutputError(message) from error
     return folder / REPORT
 
 
@@ -73,7 +69,7 @@ def _coco_text(folder: Path) -> Iterator[bytes]:
 
 
 def _marked(compared_pair: ComparedPair) -> Iterator[MarkedPhoto]:
-    """Yield both photos as far as they show a change: the tables know no others' sizes."""
+    """Yield the photos that show a change: the tables hold the sizes of no others."""
     for frame, column in (("t0", "before"), ("t1", "after")):
         own = [change for change in compared_pair.changes if change["frame"] == frame]
         if own:
@@ -99,5 +95,5 @@ def _region(change: Mapping[str, Any]) -> Region:
 
 
 def _write(path: Path, parts: Iterable[bytes]) -> None:
-    with replacing(path) as passing, passing.open("wb") as file:
+    with replacing(path) as part, part.open("wb") as file:
         file.writelines(parts)

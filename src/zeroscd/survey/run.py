@@ -1,4 +1,4 @@
-"""A whole survey: find the old photo of each new one, compare, report."""
+"""Run a survey: find the old photo of each new one, compare both, report."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Summary:
     """What a survey did.
 
     Attributes:
-        matches: What was found for each new photo, in their order.
-        batch: What the comparison did.
-        report: The page to read first.
+        matches: One for each new photo, in their order.
+        batch: Summary of the comparison.
+        report: Path of the page.
     """
 
     matches: tuple[PhotoMatch, ...] = field(repr=False)
@@ -45,7 +45,7 @@ class Summary:
     @property
     def matched(self) -> int:
         """New photos with an old one of the same place."""
-        return sum(one.old is not None for one in self.matches)
+        return sum(match.old is not None for match in self.matches)
 
 
 def survey(
@@ -58,15 +58,15 @@ def survey(
 ) -> Summary:
     """Find the old photo of each new one, compare both, and write tables, maps and a report.
 
-    The same as `match_photos` and `compare`. A survey that was stopped continues when
+    The same as `match_photos`, then `compare`. A survey that was stopped or killed continues when
     it is started again with the same folder. A photo without an old one is a row with the reason.
 
     Args:
         photos: Paths of the new photos.
-        index: The old ones.
+        index: The old photos.
         out: Folder for the results, on a disk of this machine.
-        rules: When an old photo counts as one of the same place.
-        options: How pairs are compared, and which files are kept of each.
+        rules: Which old photos count as of the same place.
+        options: How pairs are compared, and which files are written for each.
 
     Raises:
         DatasetError: The index is empty.
@@ -84,14 +84,14 @@ def match_photos(
     rules: MatchRules | None = None,
     progress: Progress | None = None,
 ) -> list[PhotoMatch]:
-    """Look for every new photo's place, unless an earlier run found it in the same index.
+    """Find the old photo of each new one, unless an earlier run did so in the same index.
 
     Args:
         photos: Paths of the new photos.
-        index: The old ones.
-        out: Folder for what was found, on a disk of this machine.
-        rules: When an old photo counts as one of the same place.
-        progress: Hears about every photo.
+        index: The old photos.
+        out: Folder for the matches, on a disk of this machine.
+        rules: Which old photos count as of the same place.
+        progress: Told of every photo.
 
     Raises:
         DatasetError: The index is empty.
@@ -103,7 +103,7 @@ def match_photos(
     chosen, listener, folder = rules or MatchRules(), progress or Silent(), Path(out)
     check_target(folder)
     make_folder(folder)
-    ledger, found = MatchLedger(folder), []
+    ledger, matches = MatchLedger(folder), []
     state = digest_values({"index": index.state(), "rules": repr(chosen)})
     listener.begin(len(photos))
     for path in map(str, photos):
@@ -112,9 +112,9 @@ def match_photos(
         match = known or match_photo(path, index, chosen)
         if key and known is None:
             ledger.add(key, match)
-        found.append(match)
+        matches.append(match)
         listener.advance(Path(path).name, reused=known is not None)
-    return found
+    return matches
 
 
 def compare(
@@ -130,26 +130,26 @@ def compare(
     Args:
         matches: As `match_photos` returns them.
         out: Folder for the results, on a disk of this machine.
-        options: How pairs are compared, and which files are kept of each.
+        options: How pairs are compared, and which files are written for each.
         engine: Where they are compared; this process if not given.
-        progress: Hears about every pair.
+        progress: Told of every pair.
 
     Raises:
         OutputError: The folder cannot be written.
         ZeroscdError: The detector cannot be made.
     """
-    manifest = batch.Manifest(base=".", rows=lambda: (_row(one) for one in matches))
-    done = batch.run(manifest, out, options=options, engine=engine, progress=progress)
+    manifest = batch.Manifest(base=".", rows=lambda: (_row(match) for match in matches))
+    summary = batch.run(manifest, out, options=options, engine=engine, progress=progress)
     report = write_reports(Path(out), matches)
-    return Summary(matches=tuple(matches), batch=done, report=report)
+    return Summary(matches=tuple(matches), batch=summary, report=report)
 
 
 def _key(path: str, state: str) -> str | None:
     try:
         return digest([state.encode(), path.encode("utf-8", "surrogatepass"), read_file(path)])
     except ImageError:
-        return None  # whoever looks at it will say why
+        return None  # `match_photo` will say why
 
 
-def _row(one: PhotoMatch) -> Row:
-    return Row(before=one.old, after=one.new, id=stem(one.new), error=one.reason)
+def _row(match: PhotoMatch) -> Row:
+    return Row(before=match.old, after=match.new, id=stem(match.new), error=match.reason)

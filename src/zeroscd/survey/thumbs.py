@@ -1,4 +1,4 @@
-"""Small pictures of both photos of a pair, for the page to load when they come into view."""
+"""Thumbnails of both photos of a pair, which the page loads when they come into view."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from zeroscd.survey.compared_pairs import ComparedPair
 
 FOLDER = "thumbs"
-LONGEST_PX = 480  # twice what a card shows on a phone: sharp there, small enough for a thousand
+MAX_SIDE_PX = 480  # twice a card's width on a phone: sharp there, small enough for a thousand
 QUALITY = 72
 TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class Thumb:
-    """A small picture.
+    """A thumbnail.
 
     Attributes:
-        file: Relative to the page; None if the photo cannot be read any more.
+        file: Its path relative to the page; None if the photo can no longer be read.
         size_hw: Height and width of the photo itself, in whose pixels outlines are given.
     """
 
@@ -36,7 +36,7 @@ class Thumb:
 
 
 def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, tuple[Thumb, Thumb]]:
-    """Write thumbnails of the photos before and after of each pair; by name of the pair.
+    """Write thumbnails of both photos of each pair; return them by the pair's name.
 
     Raises:
         OSError: The folder cannot be written.
@@ -65,8 +65,8 @@ def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, tup
 def _draw(address: str, file: str, folder: Path, fetch: Fetcher) -> Thumb:
     try:
         photo = read_photo(fetch(address))
-    except ImageError:  # it was there when it was compared; the page can do without
+    except ImageError:  # gone since it was compared; the page shows its address instead
         return Thumb(None, (3, 4))
-    small = thumbnail(photo.pixels, longest_px=LONGEST_PX)
+    small = thumbnail(photo.pixels, longest_px=MAX_SIDE_PX)
     (folder / file).write_bytes(jpeg(small, quality=QUALITY))
     return Thumb(file, photo.size_hw)
