@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from zeroscd.encoders.positions import bicubic_positions
 from zeroscd.encoders.vit import VisionTransformer, VitShape
 from zeroscd.errors import WeightsError
 from zeroscd.weights.strict import load_strictly
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from torch import Tensor
+
+    from zeroscd.encoders.vit import FitPositions
 
 # Longest first, so that "module.backbone." is not mistaken for "module.".
 PREFIXES = ("module.backbone.", "module.", "backbone.", "model.", "encoder.", "")
@@ -25,7 +28,12 @@ UNUSED = ("local_head.", "Reranker.")
 ASPECT_HW = (3, 4)  # of the street photos that R2Former is trained on: 480 x 640
 
 
-def read_vit(tensors: Mapping[str, Tensor], *, source: str) -> VisionTransformer:
+def read_vit(
+    tensors: Mapping[str, Tensor],
+    *,
+    source: str,
+    fit_positions: FitPositions = bicubic_positions,
+) -> VisionTransformer:
     """Build a ViT-S/16 from a checkpoint's tensors.
 
     Args:
@@ -33,13 +41,14 @@ def read_vit(tensors: Mapping[str, Tensor], *, source: str) -> VisionTransformer
             embeddings of a square or 3:4 grid; with or without retrieval heads. R2Former's
             re-ranker is ignored.
         source: What to call the file in messages.
+        fit_positions: Fits the position embedding to other grids than the trained one.
 
     Raises:
         WeightsError: Tensors are missing, left over or misshapen; each one is named.
     """
     stripped = without_prefix(tensors)
     with torch.device("meta"):  # skips initialisation, which takes a second
-        network = VisionTransformer(_shape_of(stripped, source))
+        network = VisionTransformer(_shape_of(stripped, source), fit_positions=fit_positions)
     load_strictly(network, stripped, source=source)
     return network.eval()
 

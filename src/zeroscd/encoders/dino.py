@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from math import isqrt
 from typing import TYPE_CHECKING, Any
 
+import torch
+
+from zeroscd.encoders.positions import dinov2_positions
 from zeroscd.encoders.taus import TAUS
 from zeroscd.encoders.transformer import TransformerEncoder, checked_layer
 from zeroscd.weights.backend import import_transformers
@@ -101,7 +106,22 @@ def build(form: DinoForm) -> Any:  # noqa: ANN401 - transformers' classes carry 
     """
     transformers = import_transformers()
     config = getattr(transformers, f"{form.family}Config")(**form.config)
-    return getattr(transformers, f"{form.family}Model")(config).eval()
+    network = getattr(transformers, f"{form.family}Model")(config).eval()
+    if form.family == "Dinov2":  # transformers leaves out Meta's offset
+        embeddings = network.embeddings
+        embeddings.interpolate_pos_encoding = partial(_dinov2_positions, embeddings)
+    return network
+
+
+def _dinov2_positions(embeddings: Any, tokens: Tensor, height: int, width: int) -> Tensor:  # noqa: ANN401
+    """Stand in for transformers' interpolate_pos_encoding, (1, 1 + rows * cols, dim)."""
+    trained, patch_px = embeddings.position_embeddings, embeddings.config.patch_size
+    side = isqrt(trained.shape[1] - 1)
+    grid_hw = height // patch_px, width // patch_px
+    if grid_hw == (side, side):
+        return trained
+    fitted = dinov2_positions(trained[0, 1:].reshape(side, side, -1), grid_hw)
+    return torch.cat([trained[:, :1], fitted.reshape(1, -1, tokens.shape[2])], dim=1)
 
 
 def converted(tensors: Mapping[str, Tensor], form: DinoForm, *, source: str) -> dict[str, Tensor]:

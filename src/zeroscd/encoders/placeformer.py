@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from zeroscd.encoders.checkpoint import read_vit
+from zeroscd.encoders.positions import bicubic_positions, r2former_positions
 from zeroscd.encoders.taus import TAUS
 from zeroscd.encoders.transformer import TransformerEncoder, checked_layer
 from zeroscd.weights.safe import read_tensors
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 # Which block's patch tokens are compared. PlaceFormer pools those after the last one (arXiv
 # 2401.13082); R2Former matches those before it (arXiv 2304.03410, model/network.py).
 LAYERS = {"placeformer": 12, "r2former": 11}
+# PlaceFormer's code is not public: its positions are interpolated plainly.
+FIT_POSITIONS = {"placeformer": bicubic_positions, "r2former": r2former_positions}
 
 
 def load(settings: Settings, device: str) -> TransformerEncoder:
@@ -29,7 +32,8 @@ def load(settings: Settings, device: str) -> TransformerEncoder:
         SettingsError: The network has no such layer.
     """
     path = require([settings.encoder])[settings.encoder]
-    network = read_vit(read_tensors(path), source=str(path))
+    fit_positions = FIT_POSITIONS[settings.encoder]
+    network = read_vit(read_tensors(path), source=str(path), fit_positions=fit_positions)
     return wrap(network, settings, device=device)
 
 

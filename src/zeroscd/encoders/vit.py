@@ -9,8 +9,15 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from zeroscd.encoders.positions import bicubic_positions
+
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import TypeAlias
+
     from torch import Tensor
+
+    FitPositions: TypeAlias = Callable[[Tensor, tuple[int, int]], Tensor]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,11 +112,16 @@ class PatchEmbed(nn.Module):
 
 
 class VisionTransformer(nn.Module):
-    """The transformer; its tensors are named as in timm's DeiT, as checkpoints are."""
+    """The transformer; its tensors are named as in timm's DeiT, as checkpoints are.
 
-    def __init__(self, shape: VitShape) -> None:
+    Args:
+        shape: Its dimensions.
+        fit_positions: Fits the position embedding (h, w, dim) of the trained grid to another.
+    """
+
+    def __init__(self, shape: VitShape, *, fit_positions: FitPositions = bicubic_positions) -> None:
         super().__init__()
-        self.shape = shape
+        self.shape, self.fit_positions = shape, fit_positions
         rows, cols = shape.grid_hw
         self.patch_embed = PatchEmbed(shape)
         self.cls_token = nn.Parameter(torch.zeros(1, 1, shape.dim))
@@ -145,16 +157,13 @@ class VisionTransformer(nn.Module):
         return tokens[:, :prefix], tokens[:, prefix:].reshape(batch, rows, cols, dim)
 
     def positions(self, grid_hw: tuple[int, int]) -> Tensor:
-        """Return the position embedding for any grid, (1, prefix + rows * cols, dim).
-
-        Another grid than the trained one gets it by bicubic interpolation, half-pixel exact.
-        """
+        """Return the position embedding for any grid, (1, prefix + rows * cols, dim)."""
         if grid_hw == self.shape.grid_hw:
             return self.pos_embed
         prefix = self.shape.prefix
-        trained = self.pos_embed[:, prefix:].reshape(1, *self.shape.grid_hw, self.shape.dim)
-        fitted = functional.interpolate(trained.permute(0, 3, 1, 2), size=grid_hw, mode="bicubic")
-        return torch.cat([self.pos_embed[:, :prefix], fitted.flatten(2).transpose(1, 2)], dim=1)
+        trained = self.pos_embed[0, prefix:].reshape(*self.shape.grid_hw, self.shape.dim)
+        fitted = self.fit_positions(trained, grid_hw).flatten(0, 1)
+        return torch.cat([self.pos_embed[:, :prefix], fitted[None]], dim=1)
 
     def global_descriptor(self, pixels: Tensor) -> Tensor:
         """Return one unit descriptor of the whole photo, (B, head_dim).
