@@ -78,6 +78,7 @@ class Drawn:
 
     inner: Any  # SamNetwork or Sam2Network
     pred_iou_thresh: float = 0.5
+    cleans_low_res: bool = False
 
     def embed(self, photo: np.ndarray) -> SamImageEmbedding:
         """Encode for real."""

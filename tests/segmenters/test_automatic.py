@@ -104,7 +104,8 @@ def plain_crop_masks(
             point = np.array([(col + 0.5) / n * (x1 - x0), (row + 0.5) / n * (y1 - y0)])
             maps, scores = plain_logits(network, embedding, (y1 - y0, x1 - x0), point)
             for logits, score in zip(maps.numpy(), scores.tolist(), strict=True):
-                if not score > (settings.pred_iou_thresh or 0.0):
+                thresh = settings.pred_iou_thresh or 0.0
+                if thresh > 0 and not score > thresh:
                     continue
                 inner, outer = (logits > 1).sum(), (logits > -1).sum()
                 if (
@@ -222,6 +223,7 @@ class Scripted:
     objects: list[tuple[int, int, int, int]]
     photo_hw: tuple[int, int] = (128, 128)
     pred_iou_thresh: float = 0.5
+    cleans_low_res: bool = False
     encoded: int = 0
     prompted: list[tuple[float, float]] = field(default_factory=list)
 
@@ -365,6 +367,7 @@ def test_of_one_object_seen_in_the_whole_photo_and_in_a_crop_the_crops_mask_stay
         """Finds a square; in the whole photo one column too few."""
 
         pred_iou_thresh = 0.0
+        cleans_low_res = False
 
         def embed(self, photo: np.ndarray) -> Window:
             return Window(photo)

@@ -47,6 +47,7 @@ class ByPoint:
 
     script: dict[bytes, list[Mask]]
     pred_iou_thresh: float = 0.0
+    cleans_low_res: bool = False
     points: int = 0
     encoded: list[bytes] = field(default_factory=list)
 

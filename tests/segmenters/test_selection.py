@@ -11,6 +11,7 @@ from zeroscd.segmenters.prompts import Crop
 from zeroscd.segmenters.selection import (
     box_nms,
     is_near_crop_edge,
+    remove_small_logits,
     remove_small_regions,
     stability_score,
 )
@@ -100,15 +101,16 @@ def test_a_mask_is_cut_off_by_an_edge_that_only_the_crop_has(
 
 @settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12))
-def test_specks_go_as_scikit_image_removes_them(seed: int, min_area_px: int) -> None:
+def test_small_regions_go_as_scikit_image_removes_them(seed: int, min_area_px: int) -> None:
     mask = np.random.default_rng(seed).random((16, 16)) < 0.5
     mask[2:9, 2:9] = True  # something large enough to stay
     before = mask.copy()
-    found = remove_small_regions(mask, min_area_px=min_area_px)
+    found, changed = remove_small_regions(mask, min_area_px=min_area_px)
     filled = remove_small_holes(mask, max_size=min_area_px - 1, connectivity=2)
     expected = remove_small_objects(filled, max_size=min_area_px - 1, connectivity=2)
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(mask, before)
+    assert changed == bool((found != mask).any())
 
 
 def test_if_all_islands_are_small_the_largest_stays() -> None:
@@ -116,9 +118,31 @@ def test_if_all_islands_are_small_the_largest_stays() -> None:
     mask[2:4, 2:4] = mask[10:13, 10:13] = True
     expected = np.zeros((20, 20), dtype=bool)
     expected[10:13, 10:13] = True
-    np.testing.assert_array_equal(remove_small_regions(mask, min_area_px=50), expected)
+    np.testing.assert_array_equal(remove_small_regions(mask, min_area_px=50)[0], expected)
+
+
+def test_a_mask_counts_as_changed_when_a_small_region_was_found_even_if_it_stays() -> None:
+    mask = np.zeros((20, 20), dtype=bool)
+    mask[2:4, 2:4] = True
+    found, changed = remove_small_regions(mask, min_area_px=50)
+    np.testing.assert_array_equal(found, mask)
+    assert changed
+    assert not remove_small_regions(mask, min_area_px=4)[1]
+
+
+def test_at_low_resolution_small_regions_go_even_if_nothing_is_left() -> None:
+    logits = torch.full((2, 6, 6), -3.0)
+    logits[0, 1:5, 1:5] = 4.0
+    logits[0, 2, 2] = -1.0  # a hole of 1
+    logits[1, 0, :2] = 2.0  # an island of 2
+    cleaned = remove_small_logits(logits, max_area=2)
+    expected = logits.clone()
+    expected[0, 2, 2] = 10.0
+    expected[1, 0, :2] = -10.0
+    torch.testing.assert_close(cleaned, expected)
+    torch.testing.assert_close(remove_small_logits(logits, max_area=1)[1], logits[1])
 
 
 def test_an_empty_mask_stays_empty() -> None:
     empty = np.zeros((5, 5), dtype=bool)
-    np.testing.assert_array_equal(remove_small_regions(empty, min_area_px=3), empty)
+    np.testing.assert_array_equal(remove_small_regions(empty, min_area_px=3)[0], empty)

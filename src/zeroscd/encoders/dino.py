@@ -115,7 +115,8 @@ def build(form: DinoForm) -> Any:  # noqa: ANN401 - transformers' classes carry 
 
 def _dinov2_positions(embeddings: Any, tokens: Tensor, height: int, width: int) -> Tensor:  # noqa: ANN401
     """Stand in for transformers' interpolate_pos_encoding, (1, 1 + rows * cols, dim)."""
-    trained, patch_px = embeddings.position_embeddings, embeddings.config.patch_size
+    trained: Tensor = embeddings.position_embeddings
+    patch_px = embeddings.config.patch_size
     side = isqrt(trained.shape[1] - 1)
     grid_hw = height // patch_px, width // patch_px
     if grid_hw == (side, side):

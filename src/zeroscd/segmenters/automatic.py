@@ -16,6 +16,7 @@ from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, points_in_ro
 from zeroscd.segmenters.selection import (
     box_nms,
     is_near_crop_edge,
+    remove_small_logits,
     remove_small_regions,
     stability_score,
 )
@@ -48,6 +49,10 @@ class PromptNetwork(Protocol):
     @property
     def pred_iou_thresh(self) -> float:
         """Its publisher's threshold on the predicted IoU."""
+
+    @property
+    def cleans_low_res(self) -> bool:
+        """Whether its publisher cleans masks before they are upscaled, or at full size."""
 
     def embed(self, photo: Rgb) -> ImageEmbedding:
         """Encode a photo: all the work that does not depend on the points."""
@@ -140,7 +145,7 @@ class AutomaticProposals:
             found += self._deduplicate(list(self._masks(crop, points_xy)), by_crop=False)
         if self.settings.crop_n_layers:
             found = self._deduplicate(found, by_crop=True)
-        if self.settings.min_mask_region_area:
+        if self.settings.min_mask_region_area and not self.network.cleans_low_res:
             found = self._clean(found)
         return Segments(size_hw=self._photo_hw, items=tuple(one.segment for one in found))
 
@@ -174,19 +179,31 @@ class AutomaticProposals:
             logits, scores = self._well_scored(*self.network.predict(embedding, batch))
             for first in range(0, len(logits), MASKS_PER_UPSCALE):
                 chunk = slice(first, first + MASKS_PER_UPSCALE)
-                full = self.network.upscale_masks(embedding, logits[chunk])
+                full = self.network.upscale_masks(embedding, self._clean_low_res(logits[chunk]))
                 yield from self._stable(full, scores[chunk], crop)
 
     def _well_scored(self, logits: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
-        """Filter by score, before anything is upscaled."""
+        """Filter by score, before anything is upscaled; a threshold of 0 keeps all."""
         chosen = self.settings.pred_iou_thresh
-        keep = scores > (self.network.pred_iou_thresh if chosen is None else chosen)
-        return logits[keep], scores[keep]
+        threshold = self.network.pred_iou_thresh if chosen is None else chosen
+        if threshold > 0:
+            keep = scores > threshold
+            logits, scores = logits[keep], scores[keep]
+        return logits, scores
+
+    def _clean_low_res(self, logits: Tensor) -> Tensor:
+        max_area = self.settings.min_mask_region_area
+        if max_area and self.network.cleans_low_res:
+            return remove_small_logits(logits, max_area=max_area)
+        return logits
 
     def _stable(self, logits: Tensor, scores: Tensor, crop: Crop) -> Iterator[Candidate]:
-        keep = stability_score(logits) >= self.settings.stability_score_thresh
-        masks = (logits[keep] > 0).cpu().numpy()
-        for mask, score in zip(masks, scores[keep].tolist(), strict=True):
+        threshold = self.settings.stability_score_thresh
+        if threshold > 0:
+            keep = stability_score(logits) >= threshold
+            logits, scores = logits[keep], scores[keep]
+        masks = (logits > 0).cpu().numpy()
+        for mask, score in zip(masks, scores.tolist(), strict=True):
             segment = Segment.from_mask(mask, offset_xy=crop.box_xyxy[:2])
             if segment is None:
                 continue
@@ -209,10 +226,11 @@ class AutomaticProposals:
         cleaned: list[Candidate] = []
         untouched: list[float] = []
         for one in found:
-            before = one.segment.mask(self._photo_hw)
-            after = remove_small_regions(before, min_area_px=self.settings.min_mask_region_area)
-            segment = Segment.from_mask(after)
+            mask, changed = remove_small_regions(
+                one.segment.mask(self._photo_hw), min_area_px=self.settings.min_mask_region_area
+            )
+            segment = Segment.from_mask(mask)
             if segment is not None:
                 cleaned.append(Candidate(segment, one.score, one.crop))
-                untouched.append(float(np.array_equal(before, after)))
+                untouched.append(float(not changed))
         return self._nms(cleaned, untouched)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import torch
@@ -121,6 +121,7 @@ class SamNetwork(Network):
     """SAM: the photo keeps its aspect ratio and is padded on the right or below (2304.02643)."""
 
     pred_iou_thresh: float = 0.88  # published default of its automatic mask generator
+    cleans_low_res: ClassVar[bool] = False
 
     def embed(self, photo: Rgb) -> SamImageEmbedding:
         """Run the image encoder."""
@@ -145,6 +146,7 @@ class Sam2Network(Network):
     """SAM 2: the photo is resized to the square, whatever its shape (arXiv 2408.00714)."""
 
     pred_iou_thresh: float = 0.8  # published default of its automatic mask generator
+    cleans_low_res: ClassVar[bool] = True
 
     def embed(self, photo: Rgb) -> SamImageEmbedding:
         """Run the image encoder."""

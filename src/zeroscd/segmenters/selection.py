@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 EDGE_PX = 20.0  # a mask this near to the edge of a crop is cut off by it (SAM's value)
 MAX_INT16_COUNT = 2**15
+FILLED_LOGIT = 10.0  # of a filled hole; of a removed island its negative (SAM 2's value)
 STABILITY_OFFSET = 1.0  # of the two thresholds, in logits (SAM's value)
 
 
@@ -87,18 +88,48 @@ def is_near_crop_edge(
     )
 
 
-def remove_small_regions(mask: Mask, *, min_area_px: int) -> Mask:
-    """Fill small holes, then drop small islands; if all are small, the largest stays.
+def remove_small_regions(mask: Mask, *, min_area_px: int) -> tuple[Mask, bool]:
+    """Fill small holes, then remove small islands; if all are small, the largest stays.
+
+    SAM's clean-up, on masks of full size.
 
     Args:
-        mask: (H, W); unchanged.
+        mask: (H, W).
         min_area_px: Pixels that a hole or island must have to stay; neighbours touch at corners.
+
+    Returns:
+        The mask, and whether there was a small region in it, even if it stayed.
     """
-    filled = mask | small_components(~mask, min_area_px=min_area_px)
-    small = small_components(filled, min_area_px=min_area_px)
-    if small.any() and not (filled & ~small).any():
-        small &= ~_largest(filled)
-    return filled & ~small
+    holes = small_components(~mask, min_area_px=min_area_px)
+    filled = mask | holes
+    islands = small_components(filled, min_area_px=min_area_px)
+    found = bool(holes.any() or islands.any())
+    if islands.any() and not (filled & ~islands).any():
+        islands &= ~_largest(filled)
+    return filled & ~islands, found
+
+
+def remove_small_logits(logits: Tensor, *, max_area: int) -> Tensor:
+    """Fill small holes of masks and remove small islands, which may leave an empty mask.
+
+    SAM 2's clean-up, on masks of low resolution. Holes and islands are both those of the masks as
+    they come.
+
+    Args:
+        logits: (M, h, w).
+        max_area: Cells of the largest hole or island that goes.
+
+    Source: post-processing of SAM 2's image predictor (arXiv 2408.00714).
+    """
+    masks = (logits > 0).cpu().numpy()
+    holes, islands = (
+        torch.from_numpy(
+            np.array([small_components(one, min_area_px=max_area + 1) for one in side])
+        )
+        for side in (~masks, masks)
+    )
+    filled = torch.where(holes.to(logits.device), FILLED_LOGIT, logits)
+    return torch.where(islands.to(logits.device), -FILLED_LOGIT, filled)
 
 
 def _largest(mask: Mask) -> Mask:
