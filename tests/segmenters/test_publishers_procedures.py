@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import torch
-from scipy import ndimage
+from skimage.measure import label
 from torch.nn import functional
 
 from zeroscd.segmenters.automatic import AutomaticSegmenter
@@ -56,7 +56,7 @@ class Scripted:
         return torch.cat([a[0] for a in answers]), torch.cat([a[1] for a in answers])
 
     def answer(self, window: Window, point_xy: np.ndarray) -> tuple[Tensor, Tensor]:
-        (height, width), x, y = window.size_hw, *np.add(point_xy, (window.left, window.top))
+        (height, width), (x, y) = window.size_hw, np.add(point_xy, (window.left, window.top))
         things = np.random.default_rng(self.seed).uniform(0, 1, (THINGS, 4)) * (150, 130, 20, 20)
         nearest = np.argsort(np.hypot(things[:, 0] - x, things[:, 1] - y))[:3]
         rng = np.random.default_rng(
@@ -112,8 +112,8 @@ def crops(height: int, width: int, layers: int) -> Iterator[tuple[int, int, int,
 
 
 def components(mask: np.ndarray) -> Iterator[np.ndarray]:
-    labels, count = ndimage.label(mask, structure=np.ones((3, 3)))
-    yield from (labels == number for number in range(1, count + 1))
+    labels = label(mask, connectivity=2)  # type: ignore[no-untyped-call]
+    yield from (labels == number for number in range(1, labels.max() + 1))
 
 
 def clean_sam(mask: np.ndarray, area: int) -> tuple[np.ndarray, bool]:

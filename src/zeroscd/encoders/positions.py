@@ -85,7 +85,8 @@ def _spread(square: Tensor, trained: Tensor) -> Tensor:
     centre = square[middle, middle]
     before = torch.linalg.vector_norm(trained[0, cols // 2] - trained[rows // 2, cols // 2])
     after = torch.linalg.vector_norm(square[middle - rows // 2, middle] - centre)
-    return centre + (square - centre) * (before / after)
+    spread: Tensor = centre + (square - centre) * (before / after)
+    return spread
 
 
 def _centre(positions: Tensor, size_hw: tuple[int, int]) -> Tensor:
