@@ -182,25 +182,23 @@ class Detector:
         with timer.stage("coarse"):
             coarse = coarse_changes(evidence, chosen, tau=self.models.encoder.tau)
         with timer.stage("segment"):
-            segments = evidence.segments or segments_around(pair, coarse, chosen)
+            segments = evidence.segments or segments_around(pair, coarse)
         with timer.stage("refine"):
             removed, added = removed_and_added(pair, coarse, segments, chosen.refine)
             regions = find_regions(removed, added, *coarse)
         side_t0, side_t1 = pair.sides
-        t0_is_frame = chosen.frame == "t0"
-        shown = coarse[0] if t0_is_frame else coarse[1]
+        if chosen.frame == "t0":
+            shown, mask = coarse[0], removed | side_t0.bring_mask(added)
+        else:
+            shown, mask = coarse[1], added | side_t1.bring_mask(removed)
         return ChangeResult(
             before=pair.photo_t0.photo,
             after=pair.photo_t1.photo,
             frame=chosen.frame,
-            mask=(
-                removed | side_t0.bring_mask(added)
-                if t0_is_frame
-                else added | side_t1.bring_mask(removed)
-            ),
+            mask=mask,
             removed=removed,
             added=added,
-            unknown=shown.unknown,
+            unknown=shown.unknown & ~mask,
             heatmap=shown.distance,
             regions=regions,
             alignment=evidence.alignment,

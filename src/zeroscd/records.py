@@ -41,12 +41,12 @@ class FeatureMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoarseChange:
-    """Where features disagree, before any outline is known; one photo's frame, its full size.
+    """Where descriptors differ, before segments are asked; one photo's frame, its full size.
 
     Attributes:
-        distance: (H, W) Euclidean distance of unit descriptors, 0..2; 0 where unknown.
+        distance: (H, W) Euclidean distance of unit descriptors, 0..2.
         changed: (H, W) the distance is above tau.
-        unknown: (H, W) the other photo does not show this place: neither changed nor unchanged.
+        unknown: (H, W) the other photo does not show this place.
         tau: The threshold that was applied.
     """
 
@@ -58,7 +58,7 @@ class CoarseChange:
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """One outline in one photo, kept as packed bits of its bounding box.
+    """A segment of one photo, kept as packed bits of its bounding box.
 
     Attributes:
         bbox_xywh: Left, top, width, height in whole pixels.
@@ -104,11 +104,11 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segments:
-    """All outlines that a segmenter offers for one photo; they may overlap and nest.
+    """All segments that a segmenter offers for one photo; they may overlap and nest.
 
     Attributes:
         size_hw: Height and width of the photo.
-        items: The outlines, in a stable order.
+        items: The segments, in a stable order.
     """
 
     size_hw: tuple[int, int]

@@ -42,9 +42,10 @@ def coarse_changes(
     distances_t0, distances_t1 = evidence.distances_t0, evidence.distances_t1
     measured = [distances_t0] if distances_t1 is None else [distances_t0, distances_t1]
     fusion = fuse_depths(measured, settings.change, tau=tau)
-    coarse_t0 = find_coarse_change(distances_t0, fusion)
+    raster = settings.change.coarse_raster
+    coarse_t0 = find_coarse_change(distances_t0, fusion, raster=raster)
     if distances_t1 is not None:
-        return coarse_t0, find_coarse_change(distances_t1, fusion)
+        return coarse_t0, find_coarse_change(distances_t1, fusion, raster=raster)
     _, side_t1 = evidence.pair.sides
     return coarse_t0, CoarseChange(
         distance=side_t1.bring_map(coarse_t0.distance),
@@ -60,18 +61,13 @@ def all_segments(pair: Pair) -> tuple[Segments, Segments]:
 
 
 def segments_around(
-    pair: Pair, coarse: tuple[CoarseChange, CoarseChange], settings: Settings
+    pair: Pair, coarse: tuple[CoarseChange, CoarseChange]
 ) -> tuple[Segments, Segments]:
-    """Ask for segments around coarse change only.
-
-    The second check compares a flagged segment with the other photo's segments of the same
-    place, so these are asked for as well.
-    """
-    side_t0, side_t1 = pair.sides
-    roi_t0, roi_t1 = coarse[0].changed, coarse[1].changed
-    if settings.refine.verify != "off":
-        roi_t0, roi_t1 = roi_t0 | side_t0.bring_mask(roi_t1), roi_t1 | side_t1.bring_mask(roi_t0)
-    return pair.photo_t0.proposals.segments(roi_t0), pair.photo_t1.proposals.segments(roi_t1)
+    """Ask for segments around coarse change only: no other segment can be flagged."""
+    return (
+        pair.photo_t0.proposals.segments(coarse[0].changed),
+        pair.photo_t1.proposals.segments(coarse[1].changed),
+    )
 
 
 def removed_and_added(
@@ -82,15 +78,15 @@ def removed_and_added(
 ) -> tuple[Mask, Mask]:
     """Vote, check a second time, assign kinds and clean up; removed (t0), added (t1)."""
     side_t0, side_t1 = pair.sides
-    flagged_t0 = vote(segments[0], coarse[0], alpha=refine.alpha)
-    flagged_t1 = vote(segments[1], coarse[1], alpha=refine.alpha)
+    flagged_t0, flagged_t1 = (
+        vote(own, change, alpha=refine.alpha, partial_segments=refine.partial_segments)
+        for own, change in zip(segments, coarse, strict=True)
+    )
     rule = Verification(refine.verify, refine.beta)
-    removed_t0 = unite(
-        confirm(flagged_t0, segments, side_t1.bring_mask, rule), side_t0.here.size_hw
-    )
-    added_t1 = unite(
-        confirm(flagged_t1, segments[::-1], side_t0.bring_mask, rule), side_t1.here.size_hw
-    )
+    size_t0_hw, size_t1_hw = pair.photo_t0.size_hw, pair.photo_t1.size_hw
+    kept_t0 = confirm(flagged_t0, flagged_t1, side_t1.bring_mask, rule, size_hw=size_t0_hw)
+    kept_t1 = confirm(flagged_t1, flagged_t0, side_t0.bring_mask, rule, size_hw=size_t1_hw)
+    removed_t0, added_t1 = unite(kept_t0, size_t0_hw), unite(kept_t1, size_t1_hw)
     if refine.kinds == "novelty":
         removed_t0, added_t1 = assign_kinds(
             removed_t0,
@@ -103,8 +99,9 @@ def removed_and_added(
 
 
 def _clean(mask: Mask, coarse: CoarseChange, refine: RefineSettings) -> Mask:
-    """Fill gaps; leave out what is too thin, too weak, too small or seen by one photo only."""
+    """Fill gaps; drop what is too thin, too weak, too small or, unless wanted whole, unseen."""
     whole = close_gaps(mask, gap_width=refine.gap_width)
     wide = drop_thin(whole, min_width=refine.min_width)
     strong = keep_strong(wide, coarse, min_peak=refine.min_peak)
-    return remove_small_components(strong, min_area_px=refine.min_area_px) & ~coarse.unknown
+    large = remove_small_components(strong, min_area_px=refine.min_area_px)
+    return large if refine.partial_segments == "whole" else large & ~coarse.unknown

@@ -49,7 +49,7 @@ def compare(
         rule,
         unseen=np.zeros(PHOTO_HW, dtype=bool) if unseen is None else unseen,
     )
-    return find_coarse_change(distances, fuse_depths([distances], rule, tau=tau))
+    return find_coarse_change(distances, fuse_depths([distances], rule, tau=tau), raster="bilinear")
 
 
 def one_patch_differs(cosine: float) -> tuple[tuple[FeatureMap], tuple[FeatureMap]]:

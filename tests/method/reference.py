@@ -8,7 +8,7 @@ edge to edge. Where the paper is silent the reading is said beside the line.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -155,8 +155,8 @@ def patch_distances(
     """P_diff: for every patch the distance to what it is carried to; None = outside the photo.
 
     Args:
-        here: LocalDescriptors of the photo looked at.
-        there: LocalDescriptors of the other photo.
+        here: Patches of the photo whose frame the answer is in.
+        there: Patches of the other photo.
         carried: From (column, row) to fractional (column, row) of the other grid.
         read: How a descriptor is read between patches.
         radius: The smallest distance in the neighbourhood counts.
@@ -220,6 +220,17 @@ def warp(mask_a: Bits, a_from_b: Array, size_b_hw: tuple[int, int]) -> Bits:
     return carried
 
 
+def cells(p_diff: list[list[float | None]], size_hw: tuple[int, int], tau: float) -> Bits:
+    """I_coarse: the whole square of every changed patch; patches not seen are not counted."""
+    rows, columns = len(p_diff), len(p_diff[0])
+    coarse = np.zeros(size_hw, dtype=bool)
+    for y in range(size_hw[0]):
+        for x in range(size_hw[1]):
+            value = p_diff[y * rows // size_hw[0]][x * columns // size_hw[1]]
+            coarse[y, x] = value is not None and value > tau
+    return coarse
+
+
 # Step 5: refinement -----------------------------------------------------------------------------
 
 
@@ -227,28 +238,30 @@ def area(mask: Bits) -> int:
     return int(np.count_nonzero(mask))
 
 
-def gamma(segment: Bits, coarse: Bits, unknown: Bits) -> float:
-    """Area(s and I_coarse) / area(s), both over what the two photos show."""
-    return area(segment & coarse & ~unknown) / area(segment & ~unknown)
+def gamma(segment: Bits, coarse: Bits) -> float:
+    """Area(s and I_coarse) / area(s)."""
+    return area(segment & coarse) / area(segment)
 
 
-def overlap(carried: Bits, other: Bits) -> float:
-    return area(carried & other) / area(carried)
+def overlap(warped: Bits, other: Bits) -> float:
+    return area(warped & other) / area(warped)
 
 
-def iou(carried: Bits, other: Bits) -> float:
-    return area(carried & other) / area(carried | other)
+def iou(warped: Bits, other: Bits) -> float:
+    return area(warped & other) / area(warped | other)
 
 
 def confirmed(
-    carried: Bits, others: Sequence[Bits], *, beta: float, verify: str = "overlap"
+    warped: Bits, flagged_there: Sequence[Bits], *, beta: float, verify: str = "overlap"
 ) -> bool:
-    """The counterpart s' is the segment that covers the carried one best; low overlap confirms."""
-    if area(carried) == 0:
+    """s_flag' is the flagged segment of the other photo that covers s_flag best.
+
+    Low overlap confirms. A segment that leaves the other photo has no counterpart.
+    """
+    if area(warped) == 0:
         return True
     compare = overlap if verify == "overlap" else iou
-    best = max((compare(carried, other) for other in others), default=0.0)
-    return best < beta
+    return all(compare(warped, other) < beta for other in flagged_there)
 
 
 @dataclass(frozen=True)
@@ -263,7 +276,7 @@ class PaperInput:
     patch_px: float = 16
     tau: float = 0.65
     alpha: float = 0.8
-    beta: float = 0.5
+    beta: float = 0.7
     tolerance_patches: float = 1.25
 
 
@@ -274,62 +287,57 @@ class PaperOutput:
     t1_from_t0: Array
     matches: list[tuple[int, int]]
     inliers: int
-    heat_t0: Array
+    p_diff: list[list[float | None]]
     unknown_t0: Bits
     unknown_t1: Bits
     removed: Bits
     added: Bits
-    gammas: dict[str, list[float]] = field(default_factory=dict)
+    refuted: int
 
 
 def detect(given: PaperInput, t1_from_t0: Array | None = None) -> PaperOutput:
-    """Steps 2 to 5 with the literal reading of every open point."""
+    """Steps 2 to 5 with the literal reading of every open point; RANSAC's result may be given."""
     size_t0_hw, size_t1_hw = given.sizes_hw
     columns_t0, columns_t1 = len(given.patches_t0[0]), len(given.patches_t1[0])
     matches = row_argmax(similarity(given.patches_t0, given.patches_t1))
     points_t0 = [centre(i, columns_t0, given.patch_px) for i, _ in matches]
     points_t1 = [centre(j, columns_t1, given.patch_px) for _, j in matches]
     tolerance_px = given.tolerance_patches * given.patch_px
-    found, agree = ransac(points_t0, points_t1, tolerance_px=tolerance_px, tries=60)
-    h = found if t1_from_t0 is None else t1_from_t0
-    back = np.linalg.inv(h)
+    h, inliers = t1_from_t0, 0
+    if h is None:
+        h, agree = ransac(points_t0, points_t1, tolerance_px=tolerance_px, tries=60)
+        inliers = len(agree)
+    t0_from_t1 = np.linalg.inv(h)
 
     def carried(u: int, v: int) -> Point:
         x, y = carry(h, centre(v * columns_t0 + u, columns_t0, given.patch_px))
         return (x + 0.5) / given.patch_px - 0.5, (y + 0.5) / given.patch_px - 0.5
 
     p_diff = patch_distances(given.patches_t0, given.patches_t1, carried)
-    unknown_t0 = ~warp(np.ones(size_t1_hw, dtype=bool), h, size_t0_hw)
-    unknown_t1 = ~warp(np.ones(size_t0_hw, dtype=bool), back, size_t1_hw)
-    heat_t0 = to_pixels(p_diff, size_t0_hw, given.patch_px)
-    coarse_t0 = threshold(heat_t0, given.tau) & ~unknown_t0
-    coarse_t1 = warp(coarse_t0, back, size_t1_hw)
-    gammas: dict[str, list[float]] = {"t0": [], "t1": []}
-
-    def refine(
-        name: str, segments: Sequence[Bits], others: Sequence[Bits], coarse: Bits, unknown: Bits
-    ) -> Bits:
-        joined = np.zeros(coarse.shape, dtype=bool)
-        way, size_hw = (back, size_t1_hw) if name == "t0" else (h, size_t0_hw)
-        for segment in segments:
-            if area(segment & ~unknown) == 0:
-                continue
-            share = gamma(segment, coarse, unknown)
-            gammas[name].append(share)
-            if share > given.alpha and confirmed(
-                warp(segment, way, size_hw), others, beta=given.beta
-            ):
-                joined |= segment
-        return joined
-
+    coarse_t0 = cells(p_diff, size_t0_hw, given.tau)
+    coarse_t1 = warp(coarse_t0, t0_from_t1, size_t1_hw)
+    flagged_t0 = [s for s in given.segments_t0 if gamma(s, coarse_t0) > given.alpha]
+    flagged_t1 = [s for s in given.segments_t1 if gamma(s, coarse_t1) > given.alpha]
+    removed, added = np.zeros(size_t0_hw, dtype=bool), np.zeros(size_t1_hw, dtype=bool)
+    refuted = 0
+    for s in flagged_t0:
+        if confirmed(warp(s, t0_from_t1, size_t1_hw), flagged_t1, beta=given.beta):
+            removed |= s
+        else:
+            refuted += 1
+    for s in flagged_t1:
+        if confirmed(warp(s, h, size_t0_hw), flagged_t0, beta=given.beta):
+            added |= s
+        else:
+            refuted += 1
     return PaperOutput(
         t1_from_t0=h,
         matches=matches,
-        inliers=len(agree),
-        heat_t0=heat_t0,
-        unknown_t0=unknown_t0,
-        unknown_t1=unknown_t1,
-        removed=refine("t0", given.segments_t0, given.segments_t1, coarse_t0, unknown_t0),
-        added=refine("t1", given.segments_t1, given.segments_t0, coarse_t1, unknown_t1),
-        gammas=gammas,
+        inliers=inliers,
+        p_diff=p_diff,
+        unknown_t0=~warp(np.ones(size_t1_hw, dtype=bool), h, size_t0_hw),
+        unknown_t1=~warp(np.ones(size_t0_hw, dtype=bool), t0_from_t1, size_t1_hw),
+        removed=removed,
+        added=added,
+        refuted=refuted,
     )

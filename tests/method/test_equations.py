@@ -17,7 +17,7 @@ from zeroscd.change.distance import best_cosine, patch_distance
 from zeroscd.images.grid import PatchGrid
 from zeroscd.records import CoarseChange, FeatureMap, Segment, Segments
 from zeroscd.refine.verify import Verification, confirm
-from zeroscd.refine.vote import unite, vote
+from zeroscd.refine.vote import Flagged, unite, vote
 from zeroscd.settings import ChangeSettings
 
 if TYPE_CHECKING:
@@ -163,10 +163,30 @@ def test_coarse_change_is_the_thresholded_heat_map_of_plain_loops(
     distances = measure_distances(
         (here,), (there,), lambda points: points, literal, unseen=np.zeros(size_hw, dtype=bool)
     )
-    found = find_coarse_change(distances, fuse_depths([distances], literal, tau=tau))
+    found = find_coarse_change(
+        distances, fuse_depths([distances], literal, tau=tau), raster="bilinear"
+    )
     # OpenCV's remap knows positions to 1/32 pixel; neighbours differ by at most 2.
     np.testing.assert_allclose(found.distance, heat, atol=2 / 32 + SINGLE_PRECISION)
     np.testing.assert_array_equal(found.changed, reference.threshold(found.distance, tau))
+
+
+@given(SEEDS, sizes, st.floats(0.2, 1.8))
+@settings(max_examples=30)
+def test_the_whole_cell_of_a_changed_patch_is_marked(
+    reference: ModuleType, seed: int, size: tuple[int, int], tau: float
+) -> None:
+    here = feature_map(descriptors(seed, *size), 4)
+    there = feature_map(descriptors(seed + 1, *size), 4)
+    size_hw = (size[0] * 4, size[1] * 4)
+    half_out = np.zeros(size_hw, dtype=bool)
+    half_out[:2] = True  # the cells in the uppermost row are seen by half
+    literal = ChangeSettings(threshold="encoder", sampling="nearest", search_radius=0)
+    distances = measure_distances((here,), (there,), lambda p: p, literal, unseen=half_out)
+    fusion = fuse_depths([distances], literal, tau=tau)
+    found = find_coarse_change(distances, fusion, raster="patch")
+    p_diff = distances.levels[0].distance.tolist()
+    np.testing.assert_array_equal(found.changed, reference.cells(p_diff, size_hw, tau))
 
 
 @given(SEEDS)
@@ -197,7 +217,7 @@ def _far_from_rounding(
     return decided
 
 
-def _outlines(rng: np.random.Generator, size_hw: tuple[int, int], count: int) -> list[Any]:
+def _random_masks(rng: np.random.Generator, size_hw: tuple[int, int], count: int) -> list[Any]:
     """Random boxes with random holes, none of them empty."""
     masks = []
     for _ in range(count):
@@ -213,52 +233,66 @@ def _outlines(rng: np.random.Generator, size_hw: tuple[int, int], count: int) ->
 
 def _segments(masks: list[Any]) -> Segments:
     packed = [Segment.from_mask(mask) for mask in masks]
-    return Segments(size_hw=masks[0].shape, items=tuple(p for p in packed if p is not None))
+    return Segments(size_hw=(8, 9), items=tuple(p for p in packed if p is not None))
 
 
 @given(SEEDS, st.floats(0.1, 0.95))
-def test_outlines_vote_by_their_share_of_coarse_change(
+def test_segments_vote_by_their_share_of_coarse_change(
     reference: ModuleType, seed: int, alpha: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    masks = _outlines(rng, (8, 9), 6)
+    masks = _random_masks(rng, (8, 9), 6)
     unknown = np.zeros((8, 9), dtype=bool)
-    unknown[:, :2] = rng.random() < 0.5  # an outline that is mostly unknown is another test's
+    unknown[:, :2] = rng.random() < 0.5
+    changed = rng.random((8, 9)) < 0.8
+    coarse = CoarseChange(
+        distance=changed.astype(np.float32), changed=changed, unknown=unknown, tau=0.5
+    )
+    found = vote(_segments(masks), coarse, alpha=alpha, partial_segments="whole")
+    expected = [m for m in masks if reference.gamma(m, changed) > alpha]
+    assert [f.gamma for f in found] == [reference.gamma(m, changed) for m in expected]
+    for voter, mask in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(voter.segment.mask((8, 9)), mask)
+    union = np.logical_or.reduce(expected or [np.zeros_like(unknown)])
+    np.testing.assert_array_equal(unite(found, (8, 9)), union)
+
+
+@given(SEEDS, st.floats(0.1, 0.95))
+def test_of_visible_parts_only_what_both_photos_show_votes(
+    reference: ModuleType, seed: int, alpha: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    masks = _random_masks(rng, (8, 9), 6)
+    unknown = np.zeros((8, 9), dtype=bool)
+    unknown[:, :3] = True
     changed = (rng.random((8, 9)) < 0.8) & ~unknown
     coarse = CoarseChange(
         distance=changed.astype(np.float32), changed=changed, unknown=unknown, tau=0.5
     )
-    found = vote(_segments(masks), coarse, alpha=alpha)
-    well_known = [m for m in masks if reference.area(m & ~unknown) > 0.5 * reference.area(m)]
-    for mask in well_known:
-        share = reference.gamma(mask, changed, unknown)
-        voters = [f for f in found if (f.segment.mask((8, 9)) == mask).all()]
-        assert bool(voters) == (share > alpha)
-        assert all(voter.gamma == pytest.approx(share) for voter in voters)
-    union = np.logical_or.reduce(
-        [f.segment.mask((8, 9)) for f in found] or [np.zeros_like(unknown)]
-    )
-    np.testing.assert_array_equal(unite(found, (8, 9)), union)
+    found = vote(_segments(masks), coarse, alpha=alpha, partial_segments="visible")
+    known = [m for m in masks if reference.area(m & ~unknown) > 0.3 * reference.area(m)]
+    expected = [m for m in known if reference.gamma(m & ~unknown, changed) > alpha]
+    assert [f.gamma for f in found] == [
+        pytest.approx(reference.gamma(m & ~unknown, changed)) for m in expected
+    ]
 
 
 @given(SEEDS, st.sampled_from(["overlap", "iou"]), st.floats(0.05, 0.95))
-def test_the_second_look_compares_with_the_best_counterpart(
+def test_the_second_check_compares_with_the_best_flagged_counterpart(
     reference: ModuleType, seed: int, verify: Any, beta: float
 ) -> None:
     rng = np.random.default_rng(seed)
     size_hw = (8, 9)
     right = np.array([[1.0, 0, rng.integers(-3, 4)], [0, 1, rng.integers(-3, 4)], [0, 0, 1]])
-    masks, others = _outlines(rng, size_hw, 4), _outlines(rng, size_hw, int(rng.integers(1, 4)))
-    everything = np.ones(size_hw, dtype=bool)
-    coarse = CoarseChange(
-        distance=everything.astype(np.float32), changed=everything, unknown=~everything, tau=0.5
-    )
-    flagged = vote(_segments(masks), coarse, alpha=0.5)
+    masks = _random_masks(rng, size_hw, 4)
+    others = _random_masks(rng, size_hw, int(rng.integers(0, 4)))
+    flagged = [Flagged(segment, 1.0) for segment in _segments(masks)]
     kept = confirm(
         flagged,
-        (_segments(masks), _segments(others)),
+        [Flagged(segment, 1.0) for segment in _segments(others)],
         lambda mask: warp_mask(mask, right, size_b_hw=size_hw),
         Verification(verify, beta),
+        size_hw=size_hw,
     )
     expected = [
         f

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from zeroscd.records import Segment, Segments
+from zeroscd.records import Segment
 from zeroscd.refine.verify import Verification, confirm, ratio
 from zeroscd.refine.vote import Flagged
 
@@ -37,10 +37,10 @@ def survives(
     beta: float = 0.5,
     carry: Callable[[Mask], Mask] = lambda mask: mask,
 ) -> bool:
-    own = Segments(size_hw=SIZE_HW, items=(segment(flagged),))
-    theirs = Segments(size_hw=SIZE_HW, items=tuple(segment(m) for m in others))
-    kept = confirm([Flagged(own.items[0], 1.0)], (own, theirs), carry, Verification(verify, beta))
-    return len(kept) == 1
+    """Whether a flagged segment is confirmed beside the flagged ones of the other photo."""
+    own, *theirs = (Flagged(segment(mask), 1.0) for mask in (flagged, *others))
+    rule = Verification(verify, beta)
+    return len(confirm([own], theirs, carry, rule, size_hw=SIZE_HW)) == 1
 
 
 CAR, SHIFTED, ROAD = box(4, 4, 4, 4), box(6, 4, 4, 4), box(0, 0, 20, 20)
@@ -63,12 +63,17 @@ def test_a_ratio_must_stay_below_beta() -> None:
     assert survives(CAR, [SHIFTED], verify="iou", beta=0.34)
 
 
-def test_an_outline_with_its_like_in_the_other_photo_is_refuted() -> None:
+def test_what_is_flagged_at_one_place_in_both_photos_is_refuted() -> None:
     for verify in ("overlap", "iou"):
         assert not survives(CAR, [ROAD & ~CAR, CAR], verify=verify)
 
 
-def test_the_literal_ratio_loses_a_car_that_vanished_into_the_road_and_iou_does_not() -> None:
+def test_a_car_that_left_survives_for_the_road_behind_it_is_not_flagged() -> None:
+    for verify in ("overlap", "iou"):
+        assert survives(CAR, [], verify=verify)
+
+
+def test_a_large_flagged_segment_refutes_by_overlap_and_not_by_iou() -> None:
     assert not survives(CAR, [ROAD], verify="overlap")
     assert survives(CAR, [ROAD], verify="iou")
 
@@ -83,12 +88,12 @@ def test_without_a_counterpart_the_change_is_confirmed() -> None:
         assert survives(CAR, [box(12, 12, 4, 4)], verify=verify)
 
 
-def test_an_outline_carried_out_of_the_photo_is_confirmed() -> None:
+def test_a_segment_warped_out_of_the_photo_is_confirmed() -> None:
     for verify in ("overlap", "iou"):
         assert survives(CAR, [ROAD], verify=verify, carry=np.zeros_like)
 
 
-def test_outlines_are_compared_where_they_are_carried_to() -> None:
+def test_segments_are_compared_where_they_are_warped_to() -> None:
     def right(mask: Mask) -> Mask:
         return np.roll(mask, 2, axis=1)
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zeroscd.records import CoarseChange, Segment, Segments
-from zeroscd.refine.vote import Flagged, unite, vote
+from zeroscd.refine import vote as voting
+from zeroscd.refine.vote import Flagged, unite
 
 SIZE_HW = (4, 10)
 
@@ -30,6 +31,10 @@ def segments(*masks: np.ndarray) -> Segments:
     return Segments(size_hw=SIZE_HW, items=tuple(p for p in packed if p is not None))
 
 
+def vote(parts: Segments, where: CoarseChange, *, alpha: float) -> list[Flagged]:
+    return voting.vote(parts, where, alpha=alpha, partial_segments="visible")
+
+
 EVERYTHING = segments(columns(0, 10))
 
 
@@ -50,7 +55,15 @@ def test_unknown_pixels_do_not_vote() -> None:
     assert [f.gamma for f in found] == pytest.approx([5 / 6])
 
 
-def test_an_outline_that_is_hardly_known_is_not_flagged() -> None:
+def test_a_whole_segment_votes_with_what_the_other_photo_does_not_show() -> None:
+    # Ten columns, four unknown; five of the other six changed: 5/10 of the whole.
+    change = coarse(columns(4, 9), columns(0, 4))
+    assert voting.vote(EVERYTHING, change, alpha=0.5, partial_segments="whole") == []
+    found = voting.vote(EVERYTHING, change, alpha=0.4, partial_segments="whole")
+    assert [f.gamma for f in found] == [0.5]
+
+
+def test_a_segment_that_is_hardly_known_is_not_flagged() -> None:
     assert vote(EVERYTHING, coarse(columns(0, 10), columns(0, 9)), alpha=0.1) == []
     assert vote(EVERYTHING, coarse(columns(0, 10), columns(0, 10)), alpha=0.0) == []
 
@@ -59,7 +72,7 @@ def test_nothing_changed_flags_nothing_even_at_alpha_zero() -> None:
     assert vote(EVERYTHING, coarse(columns(0, 0)), alpha=0.0) == []
 
 
-def test_the_order_of_the_outlines_is_kept() -> None:
+def test_the_order_of_the_segments_is_kept() -> None:
     parts = segments(columns(5, 9), columns(0, 3), columns(1, 8))
     found = vote(parts, coarse(columns(0, 10)), alpha=0.8)
     assert [f.segment for f in found] == list(parts)
@@ -76,7 +89,7 @@ def test_a_higher_alpha_flags_a_part_of_what_a_lower_one_flags(
     assert set(map(id, (f.segment for f in high))) <= set(map(id, (f.segment for f in low)))
 
 
-def test_outlines_are_united() -> None:
+def test_segments_are_united() -> None:
     found = [Flagged(s, 1.0) for s in segments(columns(0, 3), columns(2, 5), columns(8, 9))]
     np.testing.assert_array_equal(unite(found, SIZE_HW), columns(0, 5) | columns(8, 9))
     assert not unite([], SIZE_HW).any()

@@ -89,7 +89,13 @@ def _match_all(map_a: FeatureMap, map_b: FeatureMap, settings: AlignSettings) ->
 
 def _estimate(points: PointMatches, map_b: FeatureMap, settings: AlignSettings) -> Estimate | None:
     tolerance_px = settings.inlier_patches * map_b.grid.patch_px
-    return estimate(points.points_a, points.points_b, tolerance_px=tolerance_px, seed=settings.seed)
+    return estimate(
+        points.points_a,
+        points.points_b,
+        tolerance_px=tolerance_px,
+        seed=settings.seed,
+        estimator=settings.estimator,
+    )
 
 
 def _rejection_reason(
@@ -99,7 +105,7 @@ def _rejection_reason(
     *,
     sizes_hw: tuple[tuple[int, int], tuple[int, int]],
 ) -> str | None:
-    """Say why an estimate must not be used, None when it may."""
+    """Return why an estimate must not be used; None when it may."""
     if matches < settings.min_inliers:
         return f"only {matches} patches match; {settings.min_inliers} are needed"
     if found is None:
@@ -120,7 +126,9 @@ def _sharpen(
     *,
     sizes_hw: tuple[tuple[int, int], tuple[int, int]],
 ) -> Estimate:
-    """Re-estimate on each finer map; an estimate that makes no sense leaves the last one."""
+    """Re-estimate on each finer map; a degenerate estimate leaves the last one."""
+    if settings.refine_radius == 0:
+        return found
     for map_a, map_b in zip(finer_a, finer_b, strict=True):
         points = guided_match(
             map_a,

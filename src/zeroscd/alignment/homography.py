@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -68,7 +68,12 @@ def scaling(from_hw: tuple[int, ...], to_hw: tuple[int, ...]) -> Homography:
 
 
 def estimate(
-    points_a: PointsXy, points_b: PointsXy, *, tolerance_px: float, seed: int
+    points_a: PointsXy,
+    points_b: PointsXy,
+    *,
+    tolerance_px: float,
+    seed: int,
+    estimator: Literal["ransac", "magsac"] = "magsac",
 ) -> Estimate | None:
     """Find the homography that most matched points agree with.
 
@@ -76,15 +81,36 @@ def estimate(
         points_a: (N, 2) in pixels of a.
         points_b: (N, 2) their matches in pixels of b.
         tolerance_px: How far, in pixels of b, an inlier may lie from its match.
-        seed: Of the random draws; the same seed gives the same answer.
+        seed: Of the random draws of MAGSAC++; the same seed gives the same answer.
+        estimator: "ransac" is OpenCV's plain RANSAC, whose draws have a seed of their own;
+            "magsac" is MAGSAC++.
 
     Returns:
         None when there are too few points or they admit no homography.
 
-    Source: MAGSAC++ (Barath et al., CVPR 2020) as in OpenCV's USAC.
+    Source: RANSAC (Fischler and Bolles 1981); MAGSAC++ (Barath et al., CVPR 2020); both as in
+        OpenCV.
     """
     if len(points_a) < MINIMAL_POINTS:
         return None
+    if estimator == "ransac":
+        found, inliers = cv2.findHomography(
+            points_a,
+            points_b,
+            cv2.RANSAC,
+            tolerance_px,
+            maxIters=RANSAC_ITERATIONS,
+            confidence=RANSAC_CONFIDENCE,
+        )
+    else:
+        found, inliers = cv2.findHomography(points_a, points_b, _magsac(tolerance_px, seed))
+    if found is None or not np.isfinite(found).all() or abs(found[2, 2]) < np.finfo(float).eps:
+        return None
+    b_from_a = np.asarray(found, dtype=np.float64)
+    return Estimate(b_from_a / b_from_a[2, 2], inliers.ravel().astype(bool))
+
+
+def _magsac(tolerance_px: float, seed: int) -> cv2.UsacParams:
     params = cv2.UsacParams()
     params.sampler = cv2.SAMPLING_UNIFORM
     params.score = cv2.SCORE_METHOD_MAGSAC
@@ -98,19 +124,15 @@ def estimate(
     params.threshold = tolerance_px
     params.randomGeneratorState = seed
     params.isParallel = False  # threads would make the draws depend on timing
-    found, inliers = cv2.findHomography(points_a, points_b, params)
-    if found is None or not np.isfinite(found).all() or abs(found[2, 2]) < np.finfo(float).eps:
-        return None
-    b_from_a = np.asarray(found, dtype=np.float64)
-    return Estimate(b_from_a / b_from_a[2, 2], inliers.ravel().astype(bool))
+    return params
 
 
 def degeneracy(
     b_from_a: Homography, *, size_a_hw: tuple[int, int], size_b_hw: tuple[int, int]
 ) -> str | None:
-    """Say why a homography cannot relate two photos of one place; None when it can.
+    """Return why a homography cannot relate two photos of one place; None when it can.
 
-    Looked at: corners that are mirrored, flattened or carried behind the camera (which folds the
+    Checked are corners that are mirrored, flattened or carried behind the camera (which folds the
     photo), and a change of area beyond any zoom of a street camera.
     """
     height, width = size_a_hw

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -27,7 +27,7 @@ class DepthDistances:
     """How different the other photo is at every patch of this one, at every depth.
 
     Attributes:
-        levels: One a depth of the encoder, from coarse to fine.
+        levels: One for each depth of the encoder, from coarse to fine.
         grids: Where the patches of each depth lie, in pixels of this photo.
         unseen: (H, W) pixels of this photo that the other does not show.
     """
@@ -75,14 +75,14 @@ def measure_distances(
 
 
 def fuse_depths(seen: Sequence[DepthDistances], settings: ChangeSettings, *, tau: float) -> Fusion:
-    """Say how much each depth counts, and the threshold, for both photos of a pair alike.
+    """Return the weight of each depth and the threshold, the same for both photos of a pair.
 
-    The user's tau comes before the fitted one, and that before the encoder's.
+    The user's tau takes precedence over the fitted one, and that over the encoder's.
 
     Args:
         seen: Of one photo or of both.
         settings: How the threshold is found.
-        tau: The encoder's own threshold, where the settings give none and nothing can be fitted.
+        tau: The encoder's own threshold, for settings that give none and pairs without a fit.
     """
     grids = seen[0].grids
     fusion = fixed_fusion(grids, tau)
@@ -97,37 +97,42 @@ def fuse_depths(seen: Sequence[DepthDistances], settings: ChangeSettings, *, tau
     return fusion if settings.tau is None else fusion._replace(tau=settings.tau)
 
 
-def find_coarse_change(distances: DepthDistances, fusion: Fusion) -> CoarseChange:
-    """Say for every pixel of a photo how different the other photo is there.
+def find_coarse_change(
+    distances: DepthDistances, fusion: Fusion, *, raster: Literal["patch", "bilinear"]
+) -> CoarseChange:
+    """Measure at every pixel of a photo how different the other photo is there.
 
     Args:
         distances: Of this photo's patches.
-        fusion: How much each depth counts, and the threshold.
+        fusion: Weight of each depth, and the threshold.
+        raster: How patches become pixels: "patch" marks the whole cell of a changed patch, as the
+            paper does; "bilinear" interpolates distances to pixels, leaves out the pixels that
+            the other photo does not show, and then applies the threshold.
 
     Returns:
-        The change in this photo's frame; what is unseen is neither changed nor unchanged.
+        The change in this photo's frame.
     """
     unseen = distances.unseen
     if not distances.anything_known:
         return _nothing_known(unseen.shape, fusion.tau)
-    distance = _on_pixels(distances, fusion)
-    distance[unseen] = 0.0
+    distance = _on_pixels(distances, fusion, raster)
+    if raster == "bilinear":
+        distance[unseen] = 0.0
     return CoarseChange(
-        distance=distance,
-        changed=(distance > fusion.tau) & ~unseen,
-        unknown=unseen,
-        tau=fusion.tau,
+        distance=distance, changed=distance > fusion.tau, unknown=unseen, tau=fusion.tau
     )
 
 
-def _on_pixels(distances: DepthDistances, fusion: Fusion) -> Map:
-    """Add the weighted depths up: first those of one grid, then, interpolated, the grids."""
+def _on_pixels(
+    distances: DepthDistances, fusion: Fusion, raster: Literal["patch", "bilinear"]
+) -> Map:
+    """Sum the weighted depths: first those of one grid, then, on pixels, the grids."""
     of_grid = {grid: np.zeros(grid.size_hw, dtype=np.float32) for grid in distances.grids}
     for weight, level, grid in zip(fusion.weights, distances.levels, distances.grids, strict=True):
         of_grid[grid] += weight * level.distance
     distance = np.zeros(distances.unseen.shape, dtype=np.float32)
     for grid, summed in of_grid.items():
-        distance += to_photo(summed, grid, size_hw=distances.unseen.shape)
+        distance += to_photo(summed, grid, size_hw=distances.unseen.shape, raster=raster)
     return distance
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from zeroscd.images.grid import PatchGrid
 
 MARGIN_POWER = 4  # of three tried (2, 4, 6) the best on the development pairs as a whole
-MIN_MARGIN = 0.02  # a depth whose background is already unrelated keeps this little say
+MIN_MARGIN = 0.02  # of a depth whose background is as distant as unrelated things
 
 
 class Fusion(NamedTuple):
-    """How much each depth counts, and the threshold that belongs to the weighted mean.
+    """The weight of each depth, and the threshold that belongs to the weighted mean.
 
     Attributes:
-        weights: One a depth, sum 1.
+        weights: One for each depth; they sum to 1.
         tau: Threshold for the weighted mean distance.
     """
 
@@ -35,7 +35,7 @@ class Fusion(NamedTuple):
 
 
 def fixed_fusion(grids: Sequence[PatchGrid], tau: float) -> Fusion:
-    """Let every patch size count the same, with the encoder's own threshold."""
+    """Weigh every patch size alike, with the encoder's own threshold."""
     level_weights = _level_weights(grids)
     return Fusion(tuple(float(w) for w in level_weights / level_weights.sum()), tau)
 
@@ -51,11 +51,11 @@ def pair_fusion(
 
     Light, season and parallax raise the distance of everything, more so at fine depths. The lower
     quantile of a depth's distances, averaged over the photos, is its background b; sqrt(2) is the
-    distance of unrelated things. A depth counts by the fourth power of the margin in between,
+    distance of unrelated things. A depth is weighted by the fourth power of its margin,
     r = sqrt(2) - b, and the threshold lies at b + share * r.
 
-    Both photos get the same weights: whether a thing is the novelty of one or of the other is read
-    from the difference of their distances, which other weights would tilt.
+    Both photos get the same weights, because the difference of their distances decides which of
+    them shows the object.
 
     Args:
         seen: For one or both photos, distances at each depth; at least one patch must be known at
@@ -81,8 +81,8 @@ def pair_fusion(
 def search_radii(grids: Sequence[PatchGrid], search_radius: int) -> tuple[int, ...]:
     """Return the search radius of each depth, in its own patches.
 
-    The coarsest patches are searched as asked; each halving of the patch takes one off, for fine
-    depths are there to tell where, and a search would blur it.
+    The coarsest patches are searched as asked; each halving of the patch size takes one off, since
+    fine depths are there to localise and a search would blur them.
 
     Example:
         >>> from zeroscd.images.grid import PatchGrid
@@ -95,7 +95,7 @@ def search_radii(grids: Sequence[PatchGrid], search_radius: int) -> tuple[int, .
 
 
 def _level_weights(grids: Sequence[PatchGrid]) -> NDArray[np.float64]:
-    """Depths of one patch size share one say."""
+    """Levels of equal patch size share one unit of weight."""
     octaves = _octaves(grids)
     return np.array([1.0 / np.count_nonzero(octaves == octave) for octave in octaves])
 
@@ -106,20 +106,42 @@ def _octaves(grids: Sequence[PatchGrid]) -> NDArray[np.float64]:
     return np.asarray(np.round(-np.log2(patch_px)))
 
 
-def to_photo(level_map: Map, grid: PatchGrid, *, size_hw: tuple[int, int]) -> Map:
-    """Interpolate a patch map to every pixel of its photo; beyond the outer centres, their value.
+def to_photo(
+    level_map: Map,
+    grid: PatchGrid,
+    *,
+    size_hw: tuple[int, int],
+    raster: Literal["patch", "bilinear"] = "bilinear",
+) -> Map:
+    """Bring a patch map to every pixel of its photo.
+
+    Args:
+        level_map: (rows, cols) one number a patch.
+        grid: Where the patches lie.
+        size_hw: Height and width of the photo.
+        raster: "patch" gives each pixel the number of the cell it lies in, "bilinear"
+            interpolates between patch centres; beyond the outer centres their number holds.
 
     Example:
         >>> from zeroscd.images.grid import PatchGrid
-        >>> grid = PatchGrid.covering((2, 4), size_hw=(1, 2))
-        >>> to_photo(np.array([[0.0, 1.0]], dtype=np.float32), grid, size_hw=(2, 4))[0]
+        >>> grid, values = PatchGrid.covering((2, 4), size_hw=(1, 2)), np.float32([[0, 1]])
+        >>> to_photo(values, grid, size_hw=(2, 4))[0]
         array([0.  , 0.25, 0.75, 1.  ], dtype=float32)
+        >>> to_photo(values, grid, size_hw=(2, 4), raster="patch")[0]
+        array([0., 0., 1., 1.], dtype=float32)
     """
     height, width = size_hw
     (stride_x, stride_y), (origin_x, origin_y) = grid.stride_xy, grid.origin_xy
-    cols = ((np.arange(width) - origin_x) / stride_x).astype(np.float32)
-    rows = ((np.arange(height) - origin_y) / stride_y).astype(np.float32)
-    map_x, map_y = np.meshgrid(cols, rows)
+    cols = (np.arange(width) - origin_x) / stride_x
+    rows = (np.arange(height) - origin_y) / stride_y
+    if raster == "patch":
+        return level_map[np.ix_(_cells(rows, grid.size_hw[0]), _cells(cols, grid.size_hw[1]))]
+    map_x, map_y = np.meshgrid(cols.astype(np.float32), rows.astype(np.float32))
     return np.asarray(
         cv2.remap(level_map, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     )
+
+
+def _cells(positions: NDArray[np.float64], count: int) -> NDArray[np.intp]:
+    """Index of the cell that each fractional position lies in."""
+    return np.clip(np.floor(positions + 0.5), 0, count - 1).astype(np.intp)

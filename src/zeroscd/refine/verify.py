@@ -1,4 +1,4 @@
-"""The second look: is the flagged outline still there in the other photo? (paper, step 5)."""
+"""The second check: is a flagged segment flagged in the other photo as well? (paper, step 5)."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from zeroscd.arrays import Mask
-    from zeroscd.records import Segments
     from zeroscd.refine.vote import Flagged
 
 
 class Verification(NamedTuple):
-    """How a flagged outline is checked against the other photo.
+    """How a flagged segment is compared with its counterpart in the other photo.
 
     Attributes:
-        verify: "overlap" tests the counterpart s' by area(w and s') / area(w), where w is the
-            carried outline; "iou" by their intersection over union; "off" confirms all.
-        beta: An outline is confirmed when the highest ratio stays below it.
+        verify: "overlap" takes area(w and s') / area(w), where w is the segment warped into the
+            other photo and s' its counterpart; "iou" their intersection over union; "off"
+            confirms every flagged segment.
+        beta: A segment is confirmed when the ratio stays below it.
     """
 
     verify: Literal["overlap", "iou", "off"]
@@ -31,41 +31,54 @@ class Verification(NamedTuple):
 
 def confirm(
     flagged: Sequence[Flagged],
-    segments: tuple[Segments, Segments],
-    carry: Callable[[Mask], Mask],
+    flagged_there: Sequence[Flagged],
+    warp: Callable[[Mask], Mask],
     rule: Verification,
+    *,
+    size_hw: tuple[int, int],
 ) -> list[Flagged]:
-    """Keep the flagged outlines that have no counterpart in the other photo.
+    """Keep the flagged segments that have no counterpart among those of the other photo.
+
+    What is flagged at the same place in both photos is still there and only looks different, so
+    the counterpart is sought among the *flagged* segments of the other photo: the one that gives
+    the highest ratio. Sought among all of its segments, the road behind a car that left would
+    count as the car's counterpart, and every true change would be refuted.
 
     Args:
-        flagged: Outlines of one photo.
-        segments: All outlines of that photo, and all of the other one.
-        carry: Brings a mask from this photo to the other.
-        rule: How to compare; an outline that is carried out of the other photo has ratio 0.
+        flagged: Segments of one photo.
+        flagged_there: Those of the other photo.
+        warp: Brings a mask of this photo into the other.
+        rule: The ratio, and from where on it refutes.
+        size_hw: Height and width of this photo.
 
-    Source: ZeroSCD, section III-E; the paper leaves the ratio's threshold open.
+    Returns:
+        In the order given. A segment that is warped out of the other photo has ratio 0.
+
+    Source: ZeroSCD, section III-E (s_flag and s_flag'); the paper names no threshold.
     """
-    own, others = segments
     if rule.verify == "off":
         return list(flagged)
+    others = [other.segment for other in flagged_there]
     return [
-        f
-        for f in flagged
-        if _best_ratio(carry(f.segment.mask(own.size_hw)), others, verify=rule.verify) < rule.beta
+        one
+        for one in flagged
+        if _best_ratio(warp(one.segment.mask(size_hw)), others, verify=rule.verify) < rule.beta
     ]
 
 
-def _best_ratio(carried: Mask, others: Segments, *, verify: Literal["overlap", "iou"]) -> float:
-    outline = Segment.from_mask(carried)
-    if outline is None:
+def _best_ratio(
+    warped: Mask, others: Sequence[Segment], *, verify: Literal["overlap", "iou"]
+) -> float:
+    segment = Segment.from_mask(warped)
+    if segment is None:
         return 0.0
-    return max((ratio(outline, other, verify=verify) for other in others), default=0.0)
+    return max((ratio(segment, other, verify=verify) for other in others), default=0.0)
 
 
-def ratio(carried: Segment, other: Segment, *, verify: Literal["overlap", "iou"]) -> float:
-    """Compare two outlines in one frame; 0..1, 0 when they do not touch."""
-    shared_px = _intersection_px(carried, other)
-    whole_px = carried.area_px
+def ratio(warped: Segment, other: Segment, *, verify: Literal["overlap", "iou"]) -> float:
+    """Compare two segments in one frame; 0..1, 0 when they do not touch."""
+    shared_px = _intersection_px(warped, other)
+    whole_px = warped.area_px
     if verify == "iou":
         whole_px += other.area_px - shared_px
     return shared_px / whole_px

@@ -36,6 +36,9 @@ class AlignSettings:
     matching: Literal["argmax", "mutual"] = setting(
         "mutual", "every patch's best match, or only pairs that are each other's", paper="argmax"
     )
+    estimator: Literal["ransac", "magsac"] = setting(
+        "magsac", "OpenCV's plain RANSAC, or MAGSAC++", paper="ransac"
+    )
     inlier_patches: Annotated[float, Range(0.01, 100, "patch sides")] = setting(
         1.25, "reprojection error up to which RANSAC counts an inlier (paper)"
     )
@@ -46,7 +49,7 @@ class AlignSettings:
         0.08, "a homography with a smaller share of inliers is refused"
     )
     refine_radius: Patches = setting(
-        3, "search window on each finer feature map, to sharpen the homography"
+        3, "search window on each finer feature map, to sharpen the homography; 0 = off", paper=0
     )
     seed: Annotated[int, Range(0, 2**31 - 1)] = setting(0, "random seed of RANSAC")
 
@@ -72,6 +75,12 @@ class ChangeSettings:
         "bilinear", "how descriptors are read between patch centres", paper="nearest"
     )
     search_radius: Patches = setting(1, "the smallest distance within this radius counts", paper=0)
+    coarse_raster: Literal["patch", "bilinear"] = setting(
+        "bilinear",
+        "mark the whole cell of a changed patch, or interpolate distances to pixels",
+        paper="patch",
+        threshold=True,
+    )
     coarse_frames: Literal["t0", "both"] = setting(
         "both", "one map, of t0, carried over to t1; or one map for each photo", paper="t0"
     )
@@ -117,10 +126,16 @@ class RefineSettings:
         0.8, "share of coarse change above which a segment is flagged", paper=0.8, threshold=True
     )
     verify: Literal["overlap", "iou", "off"] = setting(
-        "iou", "second check, with the other photo's segments", paper="overlap", threshold=True
+        "iou", "second check, with the other photo's flagged segments", paper="overlap", threshold=True
     )
     beta: Share = setting(
-        0.5, "overlap from which the other photo refutes a change", paper=0.5, threshold=True
+        0.7, "overlap from which the other photo refutes a change", paper=0.7, threshold=True
+    )
+    partial_segments: Literal["whole", "visible"] = setting(
+        "visible",
+        "of a segment partly outside the other photo, all counts, or only what both show",
+        paper="whole",
+        threshold=True,
     )
     gap_width: Annotated[float, Range(0, 0.5, "of the photo's shorter side")] = setting(
         0.0, "narrower gaps and holes are filled", paper=0.0, threshold=True
