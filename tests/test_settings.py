@@ -129,13 +129,19 @@ def test_the_papers_rules_are_the_literal_reading() -> None:
     literal = Settings().override({"rules": "paper"})
     assert literal.align.matching == "argmax"
     assert literal.align.inlier_patches == 1.25
-    assert literal.change.threshold == "encoder"
+    assert literal.align.estimator == "ransac"
+    assert literal.align.refine_radius == 0
+    # A threshold belongs to its encoder: lite has none that holds for every pair.
+    assert PRESETS["lite"].override({"rules": "paper"}).change.threshold == "pair"
+    assert {PRESETS[name].change.threshold for name in ("paper", "dinov2-b")} == {"encoder"}
     assert literal.change.sampling == "nearest"
     assert literal.change.search_radius == 0
+    assert literal.change.coarse_raster == "patch"
     assert literal.change.coarse_frames == "t0"
     assert literal.refine.verify == "overlap"
     assert literal.refine.alpha == 0.8
-    assert literal.refine.beta == 0.5
+    assert literal.refine.beta == 0.7
+    assert literal.refine.partial_segments == "whole"
     assert literal.segment.prompting == "everything"
 
 
@@ -150,7 +156,7 @@ def test_the_papers_rules_undo_what_a_preset_does_differently(name: str) -> None
 
 def test_what_only_weighs_evidence_is_a_threshold_and_nothing_else() -> None:
     refining = {f.name for f in dataclasses.fields(RefineSettings)}
-    fitting = {"tau", "threshold", "background_quantile", "tau_share"}
+    fitting = {"tau", "threshold", "background_quantile", "tau_share", "coarse_raster"}
     assert refining | fitting | {"frame"} == THRESHOLDS
     assert is_threshold("beta")
     assert not is_threshold("side_px")

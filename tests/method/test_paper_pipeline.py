@@ -150,6 +150,7 @@ def _near_a_tie(a_from_b: Homography, size_hw: tuple[int, int]) -> Mask:
     """Pixels whose source lies midway between two pixels, where either answer is right."""
     rows, cols = np.indices(size_hw)
     source = apply(a_from_b, np.stack([cols.ravel(), rows.ravel()], axis=1).astype(float))
+    source[~np.isfinite(source)] = 0.0  # behind the camera: in neither photo
     tie = (np.abs(source - np.floor(source) - 0.5) < 1 / 32).any(axis=1)
     return tie.reshape(size_hw)
 

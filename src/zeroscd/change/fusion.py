@@ -142,6 +142,7 @@ def to_photo(
     )
 
 
-def _cells(positions: NDArray[np.float64], count: int) -> NDArray[np.intp]:
+def _cells(positions: NDArray[np.floating], count: int) -> NDArray[np.intp]:
     """Index of the cell that each fractional position lies in."""
-    return np.clip(np.floor(positions + 0.5), 0, count - 1).astype(np.intp)
+    nearest = np.floor(positions + 0.5).astype(np.intp)
+    return np.asarray(nearest.clip(0, count - 1))

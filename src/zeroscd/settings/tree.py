@@ -63,13 +63,16 @@ class ChangeSettings:
         None, "distance above which a patch changed; none = as `threshold` says", threshold=True
     )
     threshold: Literal["encoder", "pair"] = setting(
-        "encoder", "the encoder's own tau, or fitted to the pair", paper="encoder", threshold=True
+        "encoder", "the encoder's own tau, or fitted to the pair", threshold=True
     )
     background_quantile: Share = setting(
         0.3, "quantile of a pair's distances that stands for its unchanged part", threshold=True
     )
     tau_share: Share = setting(
-        0.65, "where tau lies between the background (0) and unrelated things (1)", threshold=True
+        0.65,
+        "where a fitted tau lies between the background (0) and unrelated things (1)",
+        paper=0.575,
+        threshold=True,
     )
     sampling: Literal["nearest", "bilinear"] = setting(
         "bilinear", "how descriptors are read between patch centres", paper="nearest"
@@ -126,7 +129,10 @@ class RefineSettings:
         0.8, "share of coarse change above which a segment is flagged", paper=0.8, threshold=True
     )
     verify: Literal["overlap", "iou", "off"] = setting(
-        "iou", "second check, with the other photo's flagged segments", paper="overlap", threshold=True
+        "iou",
+        "second check, with the other photo's flagged segments",
+        paper="overlap",
+        threshold=True,
     )
     beta: Share = setting(
         0.7, "overlap from which the other photo refutes a change", paper=0.7, threshold=True
