@@ -34,7 +34,7 @@ class Content:
     """
 
     cards: Sequence[ComparedPair]
-    thumbs: Mapping[str, tuple[Thumb, Thumb]]
+    thumbs: Mapping[str, Sequence[Thumb]]
     matches: Sequence[PhotoMatch]
     failures: Sequence[Mapping[str, Any]]
     reports: frozenset[str]

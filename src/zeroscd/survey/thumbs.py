@@ -35,7 +35,7 @@ class Thumb:
     size_hw: tuple[int, int]
 
 
-def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, tuple[Thumb, Thumb]]:
+def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, list[Thumb]]:
     """Write thumbnails of both photos of each pair; return them by the pair's name.
 
     Raises:
@@ -44,21 +44,11 @@ def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, tup
     (folder / FOLDER).mkdir(exist_ok=True)
     fetch = Fetcher(TIMEOUT_S)
     return {
-        compared_pair.name: (
-            _draw(
-                str(compared_pair.pair["before"]),
-                f"{FOLDER}/{compared_pair.name}-before.jpg",
-                folder,
-                fetch,
-            ),
-            _draw(
-                str(compared_pair.pair["after"]),
-                f"{FOLDER}/{compared_pair.name}-after.jpg",
-                folder,
-                fetch,
-            ),
-        )
-        for compared_pair in compared
+        one.name: [
+            _draw(str(one.pair[when]), f"{FOLDER}/{one.name}-{when}.jpg", folder, fetch)
+            for when in ("before", "after")
+        ]
+        for one in compared
     }
 
 

@@ -214,6 +214,20 @@ def test_our_mask_is_what_the_page_shows(scores: Scores, out: Path) -> None:
     assert shown[:, 24:].max() < 50
 
 
+def test_a_figure_shows_the_very_drawing_of_the_page(out: Path) -> None:
+    points = ((0.0, 0.0), (1.0, 0.5))
+    chart = Chart(title="t", x_name="x", y_name="y", lines=(Line(name="one", points_xy=points),))
+    png, _ = write_figures(out, charts=[chart])
+    picture = cv2.cvtColor(cv2.imread(str(png)), cv2.COLOR_BGR2RGB)
+    scale = picture.shape[1] / chart.size_wh[0]
+    assert picture.shape[0] / chart.size_wh[1] == pytest.approx(scale, rel=0.01)
+    blue = (picture == (0, 114, 178)).all(axis=2)
+    for at in (0.25, 0.75):
+        x, y = (round(scale * value) for value in chart.place((at, at / 2)))
+        assert blue[y - 2 : y + 3, x].any()
+        assert not blue[y - 12, x]
+
+
 def test_tables_are_written_for_papers_too(scores: Scores, out: Path) -> None:
     score_page(scores, out).write(out)
     assert "| a | 0.400 | 0.500 | 0.333 |" in (out / "tables.md").read_text()
