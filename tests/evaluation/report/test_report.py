@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from zeroscd.errors import SettingsError
 from zeroscd.evaluation.datasets.catalogue import open_dataset
@@ -218,7 +219,7 @@ def test_a_figure_shows_the_very_drawing_of_the_page(out: Path) -> None:
     points = ((0.0, 0.0), (1.0, 0.5))
     chart = Chart(title="t", x_name="x", y_name="y", lines=(Line(name="one", points_xy=points),))
     png, _ = write_figures(out, charts=[chart])
-    picture = cv2.cvtColor(cv2.imread(str(png)), cv2.COLOR_BGR2RGB)
+    picture = np.asarray(Image.open(png).convert("RGB"))
     scale = picture.shape[1] / chart.size_wh[0]
     assert picture.shape[0] / chart.size_wh[1] == pytest.approx(scale, rel=0.01)
     blue = (picture == (0, 114, 178)).all(axis=2)
