@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from zeroscd.output import writing
@@ -19,12 +20,12 @@ T = TypeVar("T")
 class Ledger(Generic[T]):
     """An append-only file of results, each under a digest of all that it was computed from.
 
-    Lines that a crash cut short and lines of another version are ignored.
+    Damaged lines, such as one that a crash cut short, and lines of another version are ignored.
 
     Args:
         path: Of the file; its folder must exist when something is added.
         pack: Turns a result into plain values, none of them called "key".
-        unpack: Turns them back; raises ValueError, KeyError or TypeError if it cannot.
+        unpack: Turns them back; raises any exception if it cannot.
     """
 
     def __init__(
@@ -72,11 +73,16 @@ def _ends_torn(length: int, path: Path) -> bool:
 
 
 def _read_lines(path: Path, unpack: Callable[[dict[str, Any]], T]) -> Iterator[tuple[str, T]]:
-    if not path.exists():
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError:  # none yet, or unreadable; if so, adding will say why
         return
-    for line in path.read_bytes().splitlines():
-        try:
+    for line in lines:
+        # Whatever a damaged line raises (a nest of a million brackets is a RecursionError), what
+        # stood in it is computed again.
+        entry = None
+        with suppress(Exception):
             values = json.loads(line)
-            yield values.pop("key"), unpack(values)
-        except (ValueError, KeyError, TypeError, AttributeError):
-            continue  # cut short by a crash: computed again
+            entry = str(values.pop("key")), unpack(values)
+        if entry is not None:
+            yield entry

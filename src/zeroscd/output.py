@@ -1,4 +1,4 @@
-"""Write into folders: a file whole or not at all, a result's files all or none."""
+"""Write into folders: a file whole or not at all, a result's files all or none; on disk at once."""
 
 from __future__ import annotations
 
@@ -82,12 +82,15 @@ def cannot_write(path: Path, reason: str) -> OutputError:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside a file; what was written there then takes the file's place.
 
-    If anything is raised inside, the file stays as it was and nothing is left beside it.
+    Then it is on the disk, also after a power cut. If anything is raised inside, the file stays as
+    it was and nothing is left beside it.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
         yield part
+        _sync(part)
         part.replace(path)
+        _sync(path.parent)
     finally:
         with suppress(OSError):
             part.unlink()
@@ -115,7 +118,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder so that either all appear or nothing changes.
+    """Write files into a folder so that either all appear, on disk, or nothing changes.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -132,15 +135,53 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
             inner.mkdir(parents=True)
             for name, content in files.items():
                 (inner / name).write_bytes(content)
+                _sync(inner / name)
             if inner == stage:
                 _move_into(real, stage, list(files))
             else:
+                _sync(inner)
                 missing = real.relative_to(existing).parts[0]
                 overtaken = not _appears(stage / missing, existing / missing)
+            _sync(existing)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     if overtaken:
         write_together(folder, files)
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove what killed processes left of files and folders that they were writing into a folder.
+
+    For callers that know that no other process is writing there.
+    """
+    for path in folder.glob(".*.part"):
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def refuse_link(path: Path) -> None:
+    """Refuse a link where a file or folder of our own belongs: it would lead out of the folder.
+
+    Raises:
+        OutputError: The path is a symbolic link.
+    """
+    if path.is_symlink():
+        message = f"cannot write {path}: it is a link to {path.readlink()}; remove the link"
+        raise OutputError(message)
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file's content, or the names in a folder, are on the disk."""
+    flags = os.O_RDONLY if os.name == "posix" else os.O_RDWR
+    if path.is_dir() and os.name != "posix":
+        return  # Windows keeps the names in order by itself
+    descriptor = os.open(path, flags)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _appears(staged: Path, folder: Path) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sqlite3
 import subprocess
 import sys
 from contextlib import closing
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,11 +19,11 @@ from PIL import Image
 from pycocotools import mask as coco_mask
 
 from zeroscd.batch import Local, Options, open_folders, run
+from zeroscd.batch.journal import Journal
 from zeroscd.errors import OutputError, SettingsError, WeightsError, ZeroscdError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
-    from pathlib import Path
     from types import ModuleType
 
     from zeroscd.batch.task import Outcome, Task
@@ -142,6 +144,99 @@ def test_only_what_changed_is_computed_again(street: Path, tmp_path: Path, toy: 
     (tmp_path / "out" / "p5" / "mask.png").unlink()
     assert again() == ["p5"]
     assert again(tau=0.6) == everything
+
+
+def files_of(street: Path, out: Path, toy: ModuleType) -> list[Path]:
+    run(street / "pairs.csv", out, options=quick(toy))
+    return sorted(out.glob("p*/*"))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_file_that_became_empty_or_short_is_made_again_and_no_other(
+    street: Path, tmp_path: Path, toy: ModuleType, share: float
+) -> None:
+    files = files_of(street, tmp_path / "out", toy)
+    assert len(files) == 2 * PAIRS
+    for path in files:
+        whole = path.read_bytes()
+        path.write_bytes(whole[: int(share * len(whole))])
+        progress = Counting()
+        run(street / "pairs.csv", tmp_path / "out", options=quick(toy), progress=progress)
+        assert computed(progress) == [path.parent.name]
+        assert len(path.read_bytes()) == pytest.approx(len(whole), abs=20)  # seconds differ
+
+
+def test_a_pairs_files_are_on_the_disk_before_the_journal_says_so(
+    street: Path, tmp_path: Path, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[str] = []
+    at_record: dict[str, list[str]] = {}
+    fsync, record = os.fsync, Journal.record
+
+    def watched_fsync(descriptor: int) -> None:
+        synced.append(str(Path(f"/proc/self/fd/{descriptor}").readlink()))
+        fsync(descriptor)
+
+    def watched_record(journal: Journal, outcome: Outcome) -> None:
+        at_record[outcome.name] = [*synced]
+        record(journal, outcome)
+
+    monkeypatch.setattr(os, "fsync", watched_fsync)
+    monkeypatch.setattr(Journal, "record", watched_record)
+    out = tmp_path / "out"
+    run(street / "pairs.csv", out, options=quick(toy))
+    for name, paths in at_record.items():
+        ends = [path.partition(".part")[2] for path in paths if ".part/" in path]
+        assert {f"/{name}", f"/{name}/mask.png", f"/{name}/changes.json"} <= {*ends}
+        assert paths[-1] == str(out)  # the folder's own name, too
+    assert [Path(path).name.split(".")[1] for path in synced[-4::2]] == ["changes", "pairs"]
+
+
+def test_what_a_killed_run_left_half_written_is_removed_by_the_next(
+    street: Path, tmp_path: Path, toy: ModuleType
+) -> None:
+    out = tmp_path / "out"
+    files_of(street, out, toy)
+    (out / ".zeroscd-0123abcd.part" / "p1").mkdir(parents=True)
+    (out / ".zeroscd-0123abcd.part" / "p1" / "mask.png").touch()
+    (out / ".pairs.parquet.7.8.part").touch()
+    (out / "p3" / ".zeroscd-0123abcd.part").mkdir()
+    (out / "p3" / "mask.png").unlink()
+    (out / "of the user.part").touch()
+    files_of(street, out, toy)
+    assert [path.name for path in out.rglob("*.part")] == ["of the user.part"]
+
+
+def test_a_link_in_place_of_a_pairs_folder_is_not_followed(
+    street: Path, tmp_path: Path, toy: ModuleType, tables: Tables
+) -> None:
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    for folder in (out, elsewhere):
+        folder.mkdir()
+    (out / "p1").symlink_to(elsewhere)
+    (out / "p2").symlink_to(tmp_path / "nowhere")
+    (out / "p3").write_text("a file")
+    for _ in range(2):
+        assert run(street / "pairs.csv", out, options=quick(toy)).failed == 3
+        errors = [row["error"] for row in tables(out)[0][1:4]]
+        assert errors == [
+            f"{out}/p1 is a link, not a folder; remove it",
+            f"{out}/p2 is a link, not a folder; remove it",
+            f"{out}/p3 is a file, not a folder; remove it",
+        ]
+    assert list(elsewhere.iterdir()) == []
+    assert not (tmp_path / "nowhere").exists()
+
+
+@pytest.mark.parametrize("name", ["journal.sqlite", "changes.parquet"])
+def test_a_link_in_place_of_a_file_of_ours_is_refused(
+    street: Path, tmp_path: Path, toy: ModuleType, name: str
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).symlink_to(tmp_path / "mine")
+    with pytest.raises(OutputError, match=rf"{name}: it is a link to .*mine; remove the link"):
+        run(street / "pairs.csv", tmp_path / "out", options=quick(toy))
+    assert not (tmp_path / "mine").exists()
 
 
 def test_a_manifest_may_grow_and_lose_rows(

@@ -1,13 +1,16 @@
 from __future__ import annotations
 
 import signal
+import sqlite3
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+import zlib
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from zeroscd.batch.journal import FILE, Journal
+from zeroscd.batch.journal import FILE, RESERVED, Journal
 from zeroscd.batch.task import Outcome, Row, Task
 from zeroscd.errors import OutputError
 
@@ -41,16 +44,23 @@ def names(out: Path, *ids: str | None) -> list[str]:
         return [task.name for task in tasks(journal, out)]
 
 
-def done(task: Task, key: str = "k", **more: object) -> Outcome:
+def done(task: Task, key: str = "k", **more: Any) -> Outcome:
     pair = {"regions": 1, "aligned": True}
     changes = ({"region": 1, "score": 0.1 + 0.2},)
-    return Outcome(row=task.row, name=task.name, key=key, pair=pair, changes=changes, seconds=1.5)
+    return Outcome(
+        row=task.row, name=task.name, key=key, pair=pair, changes=changes, seconds=1.5, **more
+    )
 
 
 def test_every_row_has_a_name_of_its_own(tmp_path: Path) -> None:
     assert names(tmp_path, "elm", "oak", "elm", "elm-2", "elm", "ELM", None) == [
         "elm", "oak", "elm-2", "elm-2-2", "elm-3", "ELM-4", "6",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RESERVED)
+def test_no_pair_is_called_like_a_file_of_ours(tmp_path: Path, name: str) -> None:
+    assert names(tmp_path, name, name.upper()) == [f"{name}-2", f"{name.upper()}-3"]
 
 
 def test_names_follow_the_manifest_and_not_earlier_runs(tmp_path: Path) -> None:
@@ -105,14 +115,32 @@ def test_a_pair_is_known_while_its_files_are_there(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
         journal.begin(rows("a", "b"))
         for task in tasks(journal, tmp_path):
-            journal.record(done(task, key=f"key of {task.name}"))
+            journal.record(done(task, key=f"key of {task.name}", files={"mask.png": b"12345"}))
     (tmp_path / "a").mkdir()
-    (tmp_path / "a" / "mask.png").touch()
+    (tmp_path / "a" / "mask.png").write_bytes(b"12345")
     with Journal(tmp_path) as journal:
         journal.begin(rows("b", "a"))
         assert [task.known for task in tasks(journal, tmp_path)] == ["key of b", "key of a"]
         assert [task.known for task in tasks(journal, tmp_path, "mask.png")] == [None, "key of a"]
         assert [task.known for task in tasks(journal, tmp_path, "mask.png", "x")] == [None, None]
+        (tmp_path / "a" / "x").touch()  # not of this comparison
+        assert [task.known for task in tasks(journal, tmp_path, "mask.png", "x")] == [None, None]
+        (tmp_path / "a" / "mask.png").write_bytes(b"1234")
+        assert [task.known for task in tasks(journal, tmp_path, "mask.png")] == [None, None]
+
+
+@pytest.mark.parametrize("content", [b"", b"no zlib", zlib.compress(b"[" * 10**6)])
+def test_a_damaged_entry_counts_as_absent(tmp_path: Path, content: bytes) -> None:
+    with Journal(tmp_path) as journal:
+        journal.begin(rows("a", "b"))
+        for task in tasks(journal, tmp_path):
+            journal.record(done(task))
+    with closing(sqlite3.connect(tmp_path / FILE)) as database:
+        database.execute("UPDATE done SET content = ? WHERE name = 'a'", [content])
+        database.commit()
+    with Journal(tmp_path) as journal:
+        journal.begin(rows("a", "b"))
+        assert [task.known for task in tasks(journal, tmp_path)] == [None, "k"]
 
 
 def test_a_reused_pair_keeps_what_it_was_and_a_failed_one_shows_its_error(tmp_path: Path) -> None:

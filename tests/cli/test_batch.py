@@ -51,6 +51,32 @@ def manifest(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.parametrize(
+    ("failed", "words", "code", "line"),
+    [
+        (0, ["--fail-on-error"], 0, None),
+        (1, [], 0, None),
+        (1, ["--fail-on-error"], 2, "1 of 3 pairs could not be compared (--fail-on-error)"),
+        (3, [], 2, "none of 3 pairs could be compared; the first: old.jpg is empty"),
+    ],
+)
+def test_nothing_compared_is_no_success(
+    manifest: Path,
+    tmp_path: Path,
+    asked: Asked,
+    capsys: pytest.CaptureFixture[str],
+    failed: int,
+    words: list[str],
+    code: int,
+    line: str | None,
+) -> None:
+    error = "old.jpg is empty" if failed else None
+    asked.answer = batch.Summary(pairs=3, failed=failed, regions=0, first_error=error)
+    assert run(["batch", str(manifest), "-o", str(tmp_path / "out"), *words]) == code
+    last = capsys.readouterr().err.splitlines()[-1:]
+    assert (last == [f"error: {line}"]) == (line is not None)
+
+
 def test_a_batch_says_what_was_done_and_where_it_lies(
     manifest: Path, tmp_path: Path, asked: Asked, capsys: pytest.CaptureFixture[str]
 ) -> None:

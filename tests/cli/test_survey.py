@@ -71,6 +71,21 @@ def test_the_old_name_of_min_score_works_with_a_warning(
     assert "of the 1 needed" in captured.err
 
 
+def test_a_survey_that_compared_nothing_is_no_success(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--min-score", "0.1", "--write", "none", "--fail-on-error"]) == 2
+    assert capsys.readouterr().err.endswith(
+        "error: 1 of 2 pairs could not be compared (--fail-on-error)\n"
+    )
+    assert run([*command, "--min-score", "1.0", "--within", "5", "--write", "none"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "error: none of 2 pairs could be compared; the first: "
+        "the photo does not say where it was taken"
+    )
+    assert (tmp_path / "out" / "report.html").exists()
+
+
 @pytest.mark.parametrize(
     ("extra", "line"),
     [

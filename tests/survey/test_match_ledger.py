@@ -46,6 +46,29 @@ def test_lines_of_another_version_are_looked_for_again(tmp_path: Path) -> None:
     assert MatchLedger(tmp_path).get("one") is None
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "[" * 100_000,
+        '{"key": ["one"], "new": "/b.jpg", "reason": "no old photo"}',
+        '{"key": "one", "new": 7, "reason": "no old photo"}',
+        '{"key": "one", "new": "/b.jpg", "old": "/o.jpg", "score": "high"}',
+        '{"key": "one", "new": "/b.jpg"}',
+        "\xff\x00",
+        "9" * 5000,
+    ],
+)
+def test_a_damaged_line_counts_as_absent_whatever_reading_it_raises(
+    tmp_path: Path, line: str
+) -> None:
+    MatchLedger(tmp_path).add("two", SECOND)
+    with (tmp_path / FILE).open("ab") as file:
+        file.write(line.encode("latin-1") + b"\n")
+    ledger = MatchLedger(tmp_path)
+    assert ledger.get("one") is None
+    assert ledger.get("two") == SECOND
+
+
 def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     book = MatchLedger(tmp_path)
     (tmp_path / FILE).mkdir()

@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 from pycocotools import mask as coco_mask
 
-from zeroscd.errors import DatasetError
+from zeroscd.batch.journal import SURVEY_FILES
+from zeroscd.errors import DatasetError, OutputError
 from zeroscd.survey import MatchRules, compare, match_photos, survey
 
 if TYPE_CHECKING:
@@ -81,6 +82,36 @@ def test_a_survey_finds_compares_and_reports(
     assert 'href="street%201/report.html"' in page
     assert 'src="thumbs/street%201-before.jpg"' in page
     assert (out / "thumbs" / "street 1-before.jpg").exists()
+
+
+def test_no_new_photo_is_called_like_a_file_of_the_survey(
+    town: Town, index: PlaceIndex, options: Options, tmp_path: Path
+) -> None:
+    index.add([town.photo("old", 1)])
+    out = tmp_path / "out"
+    new = town.photo("new", 1, changed=True)
+    survey([new], index, out, rules=RULES, options=options)
+    own = {path.name for path in out.iterdir()} - {"street 1"}
+    assert own == {*SURVEY_FILES, "pairs.parquet", "changes.parquet", "journal.sqlite"}
+    names = [new.with_name(f"{name}.png") for name in SURVEY_FILES]
+    for path in names:
+        path.write_bytes(new.read_bytes())
+    survey(names, index, out, rules=RULES, options=options)
+    pairs = pq.read_table(out / "pairs.parquet").column("pair").to_pylist()
+    assert pairs == [f"{name}-2" for name in SURVEY_FILES]
+    assert (out / "report.html").is_file()
+
+
+@pytest.mark.parametrize("name", ["thumbs", "matches.jsonl", "coco.json"])
+def test_a_link_in_place_of_a_file_of_the_survey_is_refused(
+    photos: list[Path], index: PlaceIndex, options: Options, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "out" / name).symlink_to(tmp_path / "mine")
+    with pytest.raises(OutputError, match=rf"{name}: it is a link to .*mine; remove the link"):
+        survey(photos, index, tmp_path / "out", rules=RULES, options=options)
+    assert list((tmp_path / "mine").iterdir()) == []
 
 
 def test_a_survey_again_computes_nothing_and_writes_the_same(

@@ -7,20 +7,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from zeroscd.batch.comparer import Options
-from zeroscd.batch.journal import CHANGES, PAIRS, Journal
+from zeroscd.batch.journal import CHANGES, OWN_FILES, PAIRS, Journal
 from zeroscd.batch.local import Local
 from zeroscd.batch.manifest import open_manifest
+from zeroscd.batch.task import Outcome
 from zeroscd.errors import ZeroscdError
 from zeroscd.export.files import check_wanted, file_names
 from zeroscd.export.table import changes_schema, pairs_schema, write_parquet
-from zeroscd.output import check_target, make_folder, write_together
+from zeroscd.output import (
+    check_target,
+    make_folder,
+    refuse_link,
+    remove_parts,
+    write_together,
+)
 from zeroscd.progress import Silent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from zeroscd.batch.manifest import Manifest
-    from zeroscd.batch.task import Outcome, Task
+    from zeroscd.batch.task import Task
     from zeroscd.progress import Progress
 
 
@@ -96,19 +103,40 @@ def run(
     check_target(folder)
     pairs = open_manifest(manifest) if isinstance(manifest, str | Path) else manifest
     make_folder(folder)
+    for name in OWN_FILES:
+        refuse_link(folder / name)
     with Journal(folder) as journal:
+        remove_parts(folder)
         summary = Summary(pairs=journal.begin(pairs.rows()))
         listener.begin(journal.remaining())
         tasks = journal.tasks(base=pairs.base, folder=folder, files=file_names(chosen.write))
         for outcome in (engine or Local()).run(tasks, chosen):
-            if outcome.files:
-                write_together(folder / outcome.name, outcome.files)
-            journal.record(outcome)
-            summary.count(outcome)
+            kept = _write_files(outcome, folder / outcome.name)
+            journal.record(kept)
+            summary.count(kept)
             listener.advance(outcome.name, reused=outcome.reused)
         _check_complete(journal)
         _write_tables(journal, folder, summary)
     return summary
+
+
+def _write_files(outcome: Outcome, folder: Path) -> Outcome:
+    """Write a pair's files, on disk before its outcome is recorded.
+
+    Returns:
+        The outcome; an error where the pair's folder is a link, which would lead out of the
+        batch's folder, or a file.
+    """
+    if not outcome.files:
+        return outcome
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        error = (
+            f"{folder} is a {'link' if folder.is_symlink() else 'file'}, not a folder; remove it"
+        )
+        return Outcome(row=outcome.row, name=outcome.name, error=error)
+    remove_parts(folder)
+    write_together(folder, outcome.files)
+    return outcome
 
 
 def _check_complete(journal: Journal) -> None:

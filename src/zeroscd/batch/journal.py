@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 FILE = "journal.sqlite"
 PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
-# No pair's folder may have one of these names.
-RESERVED = (FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", PAIRS, CHANGES)
+OWN_FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", PAIRS, CHANGES)
+# A survey writes these beside them (tests/survey/test_run.py compares).
+SURVEY_FILES = ("matches.jsonl", "changes.geojson", "coco.json", "report.html", "thumbs")
+RESERVED = (*OWN_FILES, *SURVEY_FILES)  # no pair's folder may have one of these names
 CHUNK = 500  # rows read at a time
 OK, FAILED = "ok", "error"
 
@@ -99,14 +101,14 @@ class Journal:
         Args:
             base: What relative addresses are relative to.
             folder: Holds the pairs' folders.
-            files: Names of the files that a pair must have there to count as known.
+            files: Names of the files that a pair must have there, whole, to count as known.
         """
         query = (
-            "SELECT row, todo.name, before, after, key FROM todo LEFT JOIN done "
+            "SELECT row, todo.name, before, after, key, content FROM todo LEFT JOIN done "
             "ON done.name = todo.name WHERE row > ? AND error IS NULL ORDER BY row LIMIT ?"
         )
-        for row, name, before, after, key in self._chunks(query):
-            complete = key is not None and all((folder / name / file).exists() for file in files)
+        for row, name, before, after, key, packed in self._chunks(query):
+            complete = key is not None and _is_complete(packed, folder / name, files)
             yield Task(
                 row=row,
                 name=name,
@@ -123,7 +125,11 @@ class Journal:
                 (outcome.error, outcome.row),
             )
             if outcome.error is None and not outcome.reused:
-                content = {"pair": dict(outcome.pair), "changes": [*outcome.changes]}
+                content = {
+                    "pair": dict(outcome.pair),
+                    "changes": [*outcome.changes],
+                    "sizes": {name: len(data) for name, data in outcome.files.items()},
+                }
                 packed = zlib.compress(json.dumps(content).encode(), level=1)
                 self._database.execute(
                     "INSERT OR REPLACE INTO done VALUES (?, ?, ?, ?)",
@@ -216,6 +222,21 @@ class Journal:
                 )
                 raise OutputError(message) from error
             raise cannot_write(self._path, str(error)) from error
+
+
+def _is_complete(packed: bytes, folder: Path, files: Sequence[str]) -> bool:
+    """Return whether a comparison can be read and its files are there at their full sizes."""
+    try:
+        sizes = _unpack(packed)["sizes"]
+    except Exception:  # damaged in whatever way, or of an older version
+        return False
+    return all(_size(folder, name) == sizes.get(name) for name in files)
+
+
+def _size(folder: Path, name: str) -> int:
+    path = folder / name
+    # A link may lead anywhere; what it leads to is not ours.
+    return path.stat().st_size if path.is_file() and not folder.is_symlink() else -1
 
 
 def _unpack(packed: bytes) -> Mapping[str, Any]:

@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from zeroscd.cli.console import say, warn
-from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
-from zeroscd.errors import SettingsError
+from zeroscd.cli.options import (
+    Device,
+    FailOnError,
+    OutFolder,
+    Overrides,
+    Preset,
+    parse_overrides,
+)
+from zeroscd.errors import SettingsError, ZeroscdError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -55,6 +62,7 @@ def batch(
     ray_address: Annotated[
         str | None, typer.Option(help="Ray: a running cluster; a local one is started otherwise.")
     ] = None,
+    fail_on_error: FailOnError = False,
 ) -> None:
     """Compare many pairs; writes OUT/changes.parquet, OUT/pairs.parquet and OUT/ID/ for each pair.
 
@@ -85,6 +93,29 @@ def batch(
         warn(f"stopped; give the same command again to continue in {out}")
         raise
     tell(summary, out)
+    check_compared(summary, fail_on_error=fail_on_error)
+
+
+def check_compared(summary: Summary, *, fail_on_error: bool) -> None:
+    """End a batch or survey of which nothing came with an error.
+
+    Args:
+        summary: What was done.
+        fail_on_error: Whether a single row with an error is one too.
+
+    Raises:
+        ZeroscdError: Every row failed, or one did and that is an error.
+    """
+    if summary.pairs and summary.failed == summary.pairs:
+        message = (
+            f"none of {summary.pairs} pairs could be compared; the first: {summary.first_error}"
+        )
+        raise ZeroscdError(message)
+    if summary.failed and fail_on_error:
+        message = (
+            f"{summary.failed} of {summary.pairs} pairs could not be compared (--fail-on-error)"
+        )
+        raise ZeroscdError(message)
 
 
 def find_pairs(manifest: str, after: str | None) -> Manifest:

@@ -32,6 +32,9 @@ Within = Annotated[
     float | None,
     typer.Option(min=0.1, metavar="METRES", help="Only photos taken within this distance."),
 ]
+FailOnError = Annotated[
+    bool, typer.Option("--fail-on-error", help="Exit with 2 if any pair could not be compared.")
+]
 
 
 def parse_overrides(pairs: list[str] | None) -> dict[str, str]:

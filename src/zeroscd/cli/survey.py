@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.batch import parse_files
+from zeroscd.cli.batch import check_compared, parse_files
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import (
     Device,
+    FailOnError,
     OutFolder,
     Overrides,
     Places,
@@ -53,6 +54,7 @@ def survey(
     cache_mb: Annotated[
         int, typer.Option(min=0, help="Memory for old photos that match several new ones.")
     ] = 256,
+    fail_on_error: FailOnError = False,
 ) -> None:
     """Find the old photo of each new one, compare both, and report the changes.
 
@@ -94,6 +96,7 @@ def survey(
         warn(f"stopped; give the same command again to continue in {out}")
         raise
     tell(summary)
+    check_compared(summary.batch, fail_on_error=fail_on_error)
 
 
 def _min_score(given: float | None, by_old_name: float | None) -> float:

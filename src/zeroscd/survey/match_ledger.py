@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from zeroscd.ledger import Ledger
 from zeroscd.survey.matching import PhotoMatch
@@ -22,4 +22,17 @@ class MatchLedger(Ledger[PhotoMatch]):
     """
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(folder / FILE, pack=asdict, unpack=lambda values: PhotoMatch(**values))
+        super().__init__(folder / FILE, pack=asdict, unpack=_unpack)
+
+
+def _unpack(values: dict[str, Any]) -> PhotoMatch:
+    match = PhotoMatch(**values)
+    texts = (match.new, match.old or "", match.reason or "")
+    numbers = (match.score, match.inliers, match.metres or 0.0)
+    if not (
+        all(isinstance(t, str) for t in texts) and all(isinstance(n, float | int) for n in numbers)
+    ):
+        raise TypeError
+    if (match.old is None) == (match.reason is None):
+        raise ValueError
+    return match

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zeroscd import batch
+from zeroscd.batch.journal import SURVEY_FILES
 from zeroscd.batch.names import stem
 from zeroscd.batch.task import Row
 from zeroscd.errors import DatasetError, ImageError
 from zeroscd.fingerprint import digest, digest_values
 from zeroscd.images.read import read_file
-from zeroscd.output import check_target, make_folder
+from zeroscd.output import check_target, make_folder, refuse_link
 from zeroscd.progress import Silent
 from zeroscd.renamed import renamed_fields
 from zeroscd.survey.match_ledger import MatchLedger
@@ -103,6 +104,8 @@ def match_photos(
     chosen, listener, folder = rules or MatchRules(), progress or Silent(), Path(out)
     check_target(folder)
     make_folder(folder)
+    for name in SURVEY_FILES:
+        refuse_link(folder / name)
     ledger, matches = MatchLedger(folder), []
     state = digest_values({"index": index.state(), "rules": repr(chosen)})
     listener.begin(len(photos))

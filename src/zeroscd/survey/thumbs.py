@@ -9,6 +9,7 @@ from zeroscd.batch.address import Fetcher
 from zeroscd.errors import ImageError
 from zeroscd.export.pictures import jpeg, thumbnail
 from zeroscd.images.read import read_photo
+from zeroscd.output import remove_parts, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -39,9 +40,11 @@ def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, lis
     """Write thumbnails of both photos of each pair; return them by the pair's name.
 
     Raises:
-        OSError: The folder cannot be written.
+        OSError: The folder cannot be made.
+        OutputError: A thumbnail cannot be written.
     """
     (folder / FOLDER).mkdir(exist_ok=True)
+    remove_parts(folder / FOLDER)
     fetch = Fetcher(TIMEOUT_S)
     return {
         one.name: [
@@ -58,5 +61,5 @@ def _draw(address: str, file: str, folder: Path, fetch: Fetcher) -> Thumb:
     except ImageError:  # gone since it was compared; the page shows its address instead
         return Thumb(None, (3, 4))
     small = thumbnail(photo.pixels, longest_px=MAX_SIDE_PX)
-    (folder / file).write_bytes(jpeg(small, quality=QUALITY))
+    write_whole(folder / file, jpeg(small, quality=QUALITY))
     return Thumb(file, photo.size_hw)
