@@ -1,6 +1,6 @@
 """A server under load, killed, and fed with hostile uploads.
 
-    python benchmarks/serve.py [NAME] [--only together|load|kill|hostile] [--seconds 120]
+    python benchmarks/serve.py [NAME] [--only together|load|page|kill|hostile] [--seconds 120]
 
 Starts `zeroscd serve` itself, on a free port of this machine. Writes
 benchmarks/results/serve/NAME.json; benchmarks/README.md describes the file.
@@ -40,7 +40,7 @@ RESULTS = Path(__file__).parent / "results" / "serve"
 SAMPLES = files("zeroscd") / "samples"
 BEFORE, AFTER = (SAMPLES.joinpath(f"{when}.jpg").read_bytes() for when in ("before", "after"))
 WARM_UP = 10  # requests before memory is looked at
-CALM_SECONDS = 75  # after the load: the server gives memory back once a minute
+CALM_SECONDS = 75  # after the load: the server returns freed memory once a minute
 ROUNDS = 4  # of killing
 FORWARD_RUNS = 2
 MEGABYTE = 1e6
@@ -86,7 +86,7 @@ class Server:
         self.process.wait()
 
     def stop(self) -> None:
-        """End it politely."""
+        """Ask it to stop."""
         self._watching.set()
         self.process.send_signal(signal.SIGTERM)
         self.process.wait(60)
@@ -168,6 +168,63 @@ async def _visitor(
             await asyncio.sleep(
                 min(pause * rng.uniform(0.5, 1.5), max(0.0, end - time.monotonic()))
             )
+
+
+async def page(visitors: int, seconds: float) -> dict[str, Any]:
+    """Many visitors of the page: each compares, moves a threshold, and starts again."""
+    with running() as server:
+        async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
+            start_bytes, server.max_bytes = server.memory(), 0
+            statuses: Counter[str] = Counter()
+            times: dict[str, list[float]] = {"compared": [], "moved": []}
+            end = time.monotonic() + seconds
+            await asyncio.gather(
+                *(_page_visitor(client, n, end, statuses, times) for n in range(visitors))
+            )
+        return {
+            "visitors": visitors,
+            "seconds": seconds,
+            "statuses": dict(sorted(statuses.items())),
+            **{
+                f"{what}_seconds": {"p50": round(median(found), 2), "most": round(max(found), 2)}
+                for what, found in times.items()
+            },
+            "memory_bytes": {
+                "before": start_bytes,
+                "most": server.max_bytes,
+                "after": server.memory(),
+            },
+        }
+
+
+async def _page_visitor(
+    client: httpx.AsyncClient,
+    number: int,
+    end: float,
+    statuses: Counter[str],
+    times: dict[str, list[float]],
+) -> None:
+    """Do what the page's script does; come back when it is told to."""
+    rng = random.Random(number)  # noqa: S311 - for pauses and sliders
+    while time.monotonic() < end:
+        start = time.monotonic()
+        answer = await client.post("/v1/comparisons", files=pair_files())
+        statuses[str(answer.status_code)] += 1
+        if answer.status_code != httpx.codes.ACCEPTED:
+            pause = float(answer.headers.get("Retry-After", 1)) * rng.uniform(0.5, 1.5)
+            await asyncio.sleep(min(pause, max(0.0, end - time.monotonic())))
+            continue
+        address = answer.headers["Location"]
+        while (answer := await client.get(address)).json().get("status") in ("waiting", "running"):
+            await asyncio.sleep(0.3)  # as the page does
+        statuses[str(answer.status_code)] += 1
+        times["compared"].append(time.monotonic() - start)
+        start = time.monotonic()
+        moved = {"sensitivity": str(rng.randrange(101))}
+        answer = await client.post(f"{address}/results", data=moved)
+        statuses[str(answer.status_code)] += 1
+        if answer.status_code == httpx.codes.CREATED:
+            times["moved"].append(time.monotonic() - start)
 
 
 async def kill() -> dict[str, Any]:
@@ -325,7 +382,7 @@ def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("name", nargs="?", default=f"cpu-{os.cpu_count()}-cores")
-    parser.add_argument("--only", choices=["together", "load", "kill", "hostile"])
+    parser.add_argument("--only", choices=["together", "load", "page", "kill", "hostile"])
     parser.add_argument("--seconds", type=float, default=120)
     parser.add_argument("--clients", type=int, default=64)
     parser.add_argument("--count", type=int, default=200)
@@ -333,6 +390,7 @@ def main() -> None:
     scenarios: dict[str, Callable[[], Coroutine[None, None, dict[str, Any]]]] = {
         "together": together,
         "load": lambda: load(arguments.clients, arguments.seconds),
+        "page": lambda: page(arguments.clients, arguments.seconds),
         "kill": kill,
         "hostile": lambda: hostile(arguments.count),
     }

@@ -13,7 +13,8 @@ import pytest
 from PIL import Image
 
 from zeroscd.serve.comparison import CachedResult, Comparisons, size_of
-from zeroscd.serve.comparison_files import FILES
+from zeroscd.serve.comparison_files import FILES, render
+from zeroscd.serve.media import media_type
 from zeroscd.serve.service import PhotoPair
 from zeroscd.serve.worker import CancelToken
 
@@ -188,16 +189,16 @@ def test_what_nobody_uses_is_forgotten_and_memory_is_bounded(
 
 
 def test_every_file_is_what_its_name_says(found: CachedResult) -> None:
-    for name, file in FILES.items():
-        content = file.content(found)
+    for name in FILES:
+        content = render(name, found)
         if name.endswith((".png", ".jpg")):
             picture = Image.open(io.BytesIO(content))
-            assert Image.MIME[str(picture.format)] == file.media_type
+            assert Image.MIME[str(picture.format)] == media_type(name)
         elif name.endswith(".json"):
             assert isinstance(json.loads(content), dict)
         else:
             assert content.startswith(b"<!doctype html>")
-    mask = np.asarray(Image.open(io.BytesIO(FILES["mask.png"].content(found))))
+    mask = np.asarray(Image.open(io.BytesIO(render("mask.png", found))))
     assert np.array_equal(mask > 0, found.result.mask)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from fastapi import APIRouter, File, Path, Request, Response, UploadFile, status
 
 from zeroscd.export.summary import summary
-from zeroscd.serve.comparison_files import FILES
+from zeroscd.serve.comparison_files import DOWNLOADS, FILES, render
 from zeroscd.serve.forms import (
     PHOTO,
     UPLOAD_PROBLEMS,
@@ -18,6 +18,7 @@ from zeroscd.serve.forms import (
     SettingsText,
     check_pair,
 )
+from zeroscd.serve.media import media_type
 from zeroscd.serve.problems import Kind, Problem, described
 from zeroscd.serve.schemas import ComparisonShown, ResultShown
 from zeroscd.serve.sensitivity import threshold_at
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from zeroscd.serve.comparison import CachedResult, Comparison, Comparisons
     from zeroscd.serve.service import DetectRequest, Step
 
-# Share of the work that lies before each step, in percent; measured on the demo pair.
+# Share of the work that is done before each step, in percent; roughly, as on the demo pair.
 PERCENT: dict[Step, int] = {
     "wait": 3,
     "read": 10,
@@ -116,7 +117,7 @@ def _add_files(routes: APIRouter, comparisons: Comparisons) -> None:
         "/{name}/results/{number}/{file}",
         response_class=Response,
         responses={
-            200: {"content": {file.media_type: {} for file in FILES.values()}},
+            200: {"content": {media_type(file): {} for file in FILES}},
             **described(404, 422),
         },
     )
@@ -124,14 +125,14 @@ def _add_files(routes: APIRouter, comparisons: Comparisons) -> None:
         name: Name, number: Annotated[int, Path(ge=1)], file: Annotated[str, Path(max_length=64)]
     ) -> Response:
         """Return a picture, a download or the viewer of the latest result."""
-        latest, made = _found(comparisons, name).latest, FILES.get(file)
-        if latest is None or made is None or latest.number != number:
+        latest = _found(comparisons, name).latest
+        if latest is None or file not in FILES or latest.number != number:
             raise Problem(Kind.NOT_FOUND, "no such file of the latest result")
         headers = {"Cache-Control": f"private, max-age={KEEP_SECONDS}, immutable"}
-        if made.is_download:
+        if file in DOWNLOADS:
             headers["Content-Disposition"] = f'attachment; filename="{file}"'
-        content = await asyncio.to_thread(made.content, latest)
-        return Response(content, media_type=made.media_type, headers=headers)
+        content = await asyncio.to_thread(render, file, latest)
+        return Response(content, media_type=media_type(file), headers=headers)
 
 
 def _request(

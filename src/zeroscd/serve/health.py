@@ -1,4 +1,4 @@
-"""What those who watch over the server ask: does it live, may it get work, what has it done?"""
+"""For monitoring: alive, ready, metrics."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 def router(service: Service) -> APIRouter:
     """Return the routes of a service."""
-    routes = APIRouter(tags=["watching"])
+    routes = APIRouter(tags=["monitoring"])
 
     @routes.get("/healthz", response_model=Health)
     async def alive() -> Health:
-        """Say that the process lives and its event loop turns."""
+        """Say that the process is alive and its event loop runs."""
         return Health(status="ok")
 
     @routes.get("/readyz", response_model=Health, responses=described(503))
     async def ready() -> Health:
-        """Say whether there is room for work; the models are loaded before anything is answered."""
+        """Say whether the queue has room; models are loaded before the server answers at all."""
         try:
             service.worker.admit()
         except Problem as problem:
@@ -38,7 +38,7 @@ def router(service: Service) -> APIRouter:
         responses={200: {"content": {MEDIA_TYPE: {"schema": {"type": "string"}}}}},
     )
     async def metrics() -> Response:
-        """Return counters and times as Prometheus reads them."""
+        """Return counters and times in Prometheus' text format."""
         return Response(service.metrics.text(), headers={"Content-Type": MEDIA_TYPE})
 
     return routes

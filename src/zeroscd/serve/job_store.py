@@ -1,4 +1,4 @@
-"""Jobs in SQLite: what was acknowledged survives a crash, photos and results included."""
+"""Jobs in SQLite: what was acknowledged survives a crash, with its photos and results."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ UNFINISHED = ("waiting", "running")
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """A pair that is to be compared now."""
+    """A pair to compare now."""
 
     job: str
     number: int
@@ -46,7 +46,7 @@ class Work:
 
 @dataclass(frozen=True, slots=True)
 class PairStatus:
-    """Where a pair stands: waiting, running, done or failed (then with the problem in words)."""
+    """The status of a pair; a failed one has the problem in words."""
 
     number: int
     status: Status
@@ -55,7 +55,7 @@ class PairStatus:
 
 @dataclass(frozen=True, slots=True)
 class JobStatus:
-    """Where a job stands; times in seconds since 1970."""
+    """The status of a job; times in seconds since 1970."""
 
     id: str
     created: float
@@ -65,7 +65,7 @@ class JobStatus:
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """What came of a pair: `changes.json` and the mask as PNG."""
+    """The result of a pair: `changes.json` and the mask as PNG."""
 
     changes: bytes
     mask: bytes
@@ -100,7 +100,7 @@ class JobStore:
     def add(
         self, pairs: Sequence[PhotoPair], *, preset: str, values: Mapping[str, object]
     ) -> JobStatus:
-        """Take a job; when this returns, it is safe."""
+        """Store a job; when this returns, a crash does not lose it."""
         job, created = secrets.token_urlsafe(16), self._clock()
         with self._transaction() as db:
             db.execute(
@@ -115,7 +115,7 @@ class JobStore:
         return JobStatus(job, created, preset, waiting)
 
     def status(self, job: str) -> JobStatus | None:
-        """Return where a job stands; None if there is none of this name."""
+        """Return the status of a job; None if there is none of this name."""
         with self._transaction() as db:
             head = db.execute("SELECT created, preset FROM jobs WHERE id = ?", (job,)).fetchone()
             rows = db.execute(
@@ -124,7 +124,7 @@ class JobStore:
         return head and JobStatus(job, head[0], head[1], tuple(PairStatus(*row) for row in rows))
 
     def finished(self, job: str, number: int) -> Finished | None:
-        """Return what came of a pair; None if it is not done or not there."""
+        """Return the result of a pair; None if it is not done or not there."""
         with self._transaction() as db:
             row = db.execute(
                 "SELECT changes, mask FROM pairs WHERE job = ? AND number = ? AND status = 'done'",
@@ -133,12 +133,12 @@ class JobStore:
         return row and Finished(*row)
 
     def remove(self, job: str) -> bool:
-        """Forget a job: waiting pairs are not begun, results are deleted. False if not there."""
+        """Delete a job: waiting pairs are not started. False if it is not there."""
         with self._transaction() as db:
             return db.execute("DELETE FROM jobs WHERE id = ?", (job,)).rowcount > 0
 
     def claim(self) -> Work | None:
-        """Take the pair that has waited longest; None if none waits."""
+        """Claim the pair that has waited longest; None if none waits."""
         with self._transaction() as db:
             row = db.execute(
                 "SELECT pairs.rowid, job, number, before, after, preset, settings FROM pairs "
@@ -153,15 +153,15 @@ class JobStore:
         return Work(job, number, PhotoPair(before, after), preset, json.loads(settings))
 
     def finish(self, work: Work, result: Finished) -> None:
-        """Keep a pair's result and forget its photos; nothing happens if the job is gone."""
+        """Store a pair's result and delete its photos; does nothing if the job is gone."""
         self._close(work, "done", changes=result.changes, mask=result.mask)
 
     def fail(self, work: Work, problem: str) -> None:
-        """Note in one line why a pair has no result, and forget its photos."""
+        """Store in one line why a pair has no result, and delete its photos."""
         self._close(work, "failed", problem=problem)
 
     def recover(self) -> int:
-        """After a crash: let pairs that were at work wait again; return how many wait."""
+        """After a crash: queue the pairs that were running again; return how many wait."""
         with self._transaction() as db:
             db.execute(
                 "UPDATE pairs SET status = 'failed', before = NULL, after = NULL, "
@@ -173,7 +173,7 @@ class JobStore:
         return self.count("waiting")
 
     def release(self, work: Work) -> None:
-        """Let a claimed pair wait again, as if it had not been begun."""
+        """Queue a claimed pair again, as if it had not been started."""
         with self._transaction() as db:
             db.execute(
                 "UPDATE pairs SET status = 'waiting', tries = tries - 1 "
@@ -182,13 +182,13 @@ class JobStore:
             )
 
     def expire(self, *, seconds: float) -> int:
-        """Forget jobs that were sent longer ago, give their space back; return how many."""
+        """Delete jobs that were sent longer ago and free their space; return how many."""
         with self._transaction() as db:
             count = db.execute(
                 "DELETE FROM jobs WHERE created < ?", (self._clock() - seconds,)
             ).rowcount
         with self._lock:
-            # As a script: `execute` would stop after the first page that is given back.
+            # As a script: `execute` would stop after the first page that is freed.
             self._db.executescript("PRAGMA incremental_vacuum; PRAGMA wal_checkpoint(TRUNCATE);")
         return count
 

@@ -1,4 +1,4 @@
-"""Counters and times as Prometheus reads them."""
+"""Counters and times for Prometheus."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SECONDS = (0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60)  # upper ends of the his
 
 
 class Metrics:
-    """What one server counts; a registry of its own, so that several may live in one process."""
+    """The metrics of one server; with its own registry, so that one process may run several."""
 
     def __init__(self) -> None:
         self._registry = CollectorRegistry()
@@ -35,20 +35,20 @@ class Metrics:
         )
 
     def count(self, scope: Scope, status: int) -> None:
-        """Count one answer; unknown addresses share one name, so that nobody can invent more."""
+        """Count one answer; unknown paths share one label, so that their number is bounded."""
         route = getattr(scope.get("route"), "path", None) or "other"
         method = scope["method"] if scope["method"] in ("GET", "POST", "DELETE") else "other"
         self._answers.labels(method, route, status).inc()
 
     def time(self, seconds: Mapping[str, float]) -> None:
-        """Note how long the stages of one comparison took."""
+        """Record how long the stages of one comparison took."""
         for stage, spent in seconds.items():
             self._stages.labels(stage).observe(spent)
 
     def watch(self, name: str, meaning: str, value: Callable[[], float]) -> None:
-        """Report a value that is asked for whenever somebody reads the metrics."""
+        """Add a gauge whose value is computed each time the metrics are read."""
         Gauge(name, meaning, registry=self._registry).set_function(value)
 
     def text(self) -> bytes:
-        """Return everything in Prometheus' text format."""
+        """Return all metrics in Prometheus' text format."""
         return generate_latest(self._registry)

@@ -13,6 +13,7 @@ from zeroscd.export import summary
 from zeroscd.export.viewer import to_viewer
 from zeroscd.pages import asset, render
 from zeroscd.serve.comparison_files import PICTURES
+from zeroscd.serve.media import media_type
 from zeroscd.serve.problems import Kind, Problem
 from zeroscd.serve.sensitivity import HALF
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from zeroscd.serve.comparison import CachedResult, Comparisons
     from zeroscd.serve.service import Service
 
-MEDIA_TYPES = {"js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 STYLES = ("style.css", "serve.css")
 SCRIPTS = ("viewer.js", "serve.js")
 ASSETS = (*STYLES, *SCRIPTS, "icon.svg")
@@ -57,7 +57,7 @@ def router(service: Service, comparisons: Comparisons) -> APIRouter:
     def asset_of(name: Annotated[str, Path(max_length=64)]) -> Response:
         if name not in ASSETS:
             raise Problem(Kind.NOT_FOUND, "no such file of the page")
-        return Response(asset(name), media_type=MEDIA_TYPES[name.rpartition(".")[2]])
+        return Response(asset(name), media_type=media_type(name))
 
     @routes.get("/samples/{when}.jpg")
     def sample(when: Literal["before", "after"]) -> Response:

@@ -1,4 +1,4 @@
-"""A look at an uploaded file that costs next to nothing, before anybody decodes it."""
+"""Cheap checks of an uploaded file before it is decoded."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ START_OF_SCAN = b"\xff\xda"  # of a JPEG; inside compressed data, 255 is never f
 def check_photo(data: bytes, *, name: str, limits: Limits) -> tuple[int, int]:
     """Return width and height from the header of a photo that may be decoded.
 
-    The file command line reads more formats; a server that strangers send files to keeps to the
+    The command line reads more formats; a server that takes files from strangers keeps to the
     three that browsers send.
 
     Args:
-        data: The file's bytes. Its name is not asked for: nobody's word but the bytes counts.
-        name: What the photo is called in messages.
+        data: The file's bytes; its name and declared type are ignored.
+        name: Of the photo in messages.
         limits: Of this server.
 
     Raises:
-        Problem: It is empty, too large, of another format, or bound to take too long.
+        Problem: It is empty, too large, of another format, or too costly to decode.
         ImageError: Its header is damaged.
     """
     if len(data) > limits.photo_bytes:
@@ -38,7 +38,7 @@ def check_photo(data: bytes, *, name: str, limits: Limits) -> tuple[int, int]:
         raise Problem(Kind.TOO_LARGE, message)
     kind = _kind(data)
     if kind is None:
-        message = f"{name} is {_guess(data)}; send a JPEG, PNG or WebP file"
+        message = f"{name} is {_describe_other(data)}; send a JPEG, PNG or WebP file"
         raise Problem(Kind.UNKNOWN_FORMAT, message)
     scans = data.count(START_OF_SCAN) if kind == "JPEG" else 0
     if scans > limits.jpeg_scans:
@@ -61,8 +61,8 @@ def _kind(data: bytes) -> str | None:
     return "WEBP" if data[:4] == b"RIFF" and data[8:12] == b"WEBP" else None
 
 
-def _guess(data: bytes) -> str:
-    """Say what a file that is none of ours may be."""
+def _describe_other(data: bytes) -> str:
+    """Say what a file of another format may be."""
     if not data:
         return "empty"
     if data[4:8] == b"ftyp" and data[8:11] in (b"hei", b"hev", b"mif", b"msf", b"avi"):
