@@ -76,7 +76,12 @@ def _add_comparisons(routes: APIRouter, service: Service, comparisons: Compariso
         """Return the status of a comparison."""
         return _shown(http_request, name, _found(comparisons, name), comparisons)
 
-    @routes.delete("/{name}", status_code=status.HTTP_204_NO_CONTENT, responses=described(404, 422))
+    @routes.delete(
+        "/{name}",
+        status_code=status.HTTP_204_NO_CONTENT,
+        response_model=None,
+        responses=described(404, 422),
+    )
     async def delete(name: Name) -> None:
         """Cancel a comparison, and delete its photos and results."""
         if not comparisons.remove(name):

@@ -72,7 +72,12 @@ def _add_changing(routes: APIRouter, service: Service, store: JobStore, runner: 
         response.headers["Location"] = address = _address(http_request, job.id)
         return _shown(job, service, address)
 
-    @routes.delete("/{job}", status_code=status.HTTP_204_NO_CONTENT, responses=described(404, 422))
+    @routes.delete(
+        "/{job}",
+        status_code=status.HTTP_204_NO_CONTENT,
+        response_model=None,
+        responses=described(404, 422),
+    )
     async def delete(job: JobName) -> None:
         """Cancel what has not started, and delete photos and results."""
         if not await asyncio.to_thread(store.remove, job):
