@@ -312,9 +312,9 @@ async def hostile(count: int) -> dict[str, Any]:
         async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
             await client.post("/v1/detect", files=pair_files())
             start_bytes, server.max_bytes = server.memory(), 0
-            gate = asyncio.Semaphore(8)
+            slots = asyncio.Semaphore(8)
             found = await asyncio.gather(
-                *(_attack(client, server.url, gate, *upload) for upload in uploads(count, AFTER))
+                *(_attack(client, server.url, slots, *upload) for upload in uploads(count, AFTER))
             )
             alive = (await client.post("/v1/detect", files=pair_files())).status_code
         by_kind: dict[str, Counter[str]] = {}
@@ -342,14 +342,14 @@ async def hostile(count: int) -> dict[str, Any]:
 async def _attack(
     client: httpx.AsyncClient,
     url: str,
-    gate: asyncio.Semaphore,
+    slots: asyncio.Semaphore,
     kind: str,
     form: Any,  # noqa: ANN401 - whatever httpx takes as files; bytes of slow senders
 ) -> tuple[str, str, float]:
     if kind in SLOW:
         start = time.monotonic()
         return kind, await _trickle(url, form), time.monotonic() - start
-    async with gate:
+    async with slots:
         start = time.monotonic()
         try:
             answer = await client.post("/v1/detect", files=form)
