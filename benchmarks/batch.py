@@ -91,7 +91,7 @@ def main() -> None:
     """Run the steps and keep their results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("photos", type=_absolute)
-    parser.add_argument("work", type=Path)
+    parser.add_argument("work", type=_absolute)
     parser.add_argument("steps", nargs="*", metavar="STEP", help=", ".join(STEPS))
     parser.add_argument("--pairs", type=int, default=2000)
     parser.add_argument("--name", default=f"cpu-{os.cpu_count()}-cores")

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import threading
 import time
+import unicodedata
 from typing import TYPE_CHECKING, Any
 
 import fsspec
@@ -9,7 +10,7 @@ import pytest
 from fsspec.implementations.memory import MemoryFileSystem
 
 from zeroscd.batch import address
-from zeroscd.batch.address import Fetcher, resolve
+from zeroscd.batch.address import Fetcher, existing_spelling, resolve
 from zeroscd.errors import ImageError
 from zeroscd.images.read import PhotoLimits
 
@@ -69,6 +70,32 @@ def test_local_and_remote_files_come_as_their_bytes(tmp_path: Path) -> None:
     fetch = Fetcher(MUCH_S)
     assert fetch(str(tmp_path / "a.jpg")) == b"here"
     assert fetch("memory://photos/a.jpg") == b"there"
+
+
+def test_paths_of_other_systems_are_read_as_meant(tmp_path: Path) -> None:
+    composed, decomposed = (unicodedata.normalize(f, "café") for f in ("NFC", "NFD"))
+    (tmp_path / composed).mkdir()
+    (tmp_path / composed / f"{decomposed}.jpg").write_bytes(b"here")
+    (tmp_path / "a\\b.jpg").write_bytes(b"backslash")
+    fetch = Fetcher(MUCH_S)
+    for folder in (composed, decomposed):
+        for name in (composed, decomposed):
+            assert fetch(f"{tmp_path}/{folder}/{name}.jpg") == b"here"
+            assert fetch(f"{tmp_path}\\{folder}\\{name}.jpg".replace("\\", "/", 1)) == b"here"
+    assert fetch(f"{tmp_path}/a\\b.jpg") == b"backslash"
+    with pytest.raises(ImageError, match=r"c.jpg does not exist"):
+        fetch(f"{tmp_path}/b\\c.jpg")
+    assert existing_spelling("") == ""
+
+
+def test_a_relative_path_of_windows_is_read_as_meant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "p").mkdir()
+    (tmp_path / "p" / "a.jpg").write_bytes(b"here")
+    monkeypatch.chdir(tmp_path)
+    assert Fetcher(MUCH_S)(r"p\a.jpg") == b"here"
+    assert resolve(r"p\a.jpg", base="s3://bucket") == "s3://bucket/p/a.jpg"
 
 
 def test_a_file_too_large_is_not_read_to_its_end() -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import unicodedata
 from typing import TYPE_CHECKING, Any
 
 import fsspec
@@ -58,6 +59,68 @@ def test_a_spreadsheet_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
     assert list(open_manifest(tmp_path / "m.csv").rows()) == [Row(before="a.jpg", after="b.jpg")]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "before, after, id\na.jpg, b.jpg, x\n",
+        'before;after;id\n"a.jpg" ;b.jpg; "x"\n',
+        "sep=|\r\nbefore|after|id\r\na.jpg|b.jpg|x\r\n",
+        "\ufeffBefore\tAfter\tID\na.jpg\tb.jpg\tx\n\n",
+        "before,after,id,,\na.jpg,b.jpg,x,,\n,,,,\n , ,,,\n",
+        "id,before,after,note\rx,a.jpg,b.jpg\r",
+        'before,after,note,id\na.jpg,b.jpg,"two\nlines, and a comma",x\n',
+    ],
+)
+def test_what_people_and_spreadsheets_write_is_read_as_meant(tmp_path: Path, text: str) -> None:
+    (tmp_path / "m.csv").write_text(text, newline="")
+    rows = list(open_manifest(tmp_path / "m.csv").rows())
+    assert rows == [Row(before="a.jpg", after="b.jpg", id="x")]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('before,after\na,b\nc,"d\ne,f\ng,h\n', "line 3: a cell spans several lines"),
+        ('before,after\na,"b\nc,d\n"e",f\n', "line 2: a cell spans several lines"),
+        ('before,after,note\n\na,b,"x\nc,d,\ne,f,\n', "line 3: a cell spans several lines"),
+        ("before,after\na,b\nx,old, new.jpg,c\n", "line 3 has 4 cells, the header 2"),
+    ],
+)
+def test_rows_that_would_be_lost_are_refused_with_their_line(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "m.csv").write_text(text)
+    with pytest.raises(DatasetError, match=message):
+        list(open_manifest(tmp_path / "m.csv").rows())
+
+
+def test_whole_floats_of_pandas_are_ids_without_a_point(tmp_path: Path) -> None:
+    table = {"before": ["a"] * 4, "after": ["b"] * 4, "Id ": [7.0, None, float("nan"), 2.5]}
+    pq.write_table(pa.table(table), tmp_path / "m.parquet")
+    (tmp_path / "m.jsonl").write_text(
+        '\ufeff{"before": "a", "after": "b", "id": 7.0}\n'
+        '{"before": "a", "after": "b", "id": null}\n'
+        '{"before": "a", "after": "b", "id": NaN}\n'
+        '{"before": "a", "after": "b", "id": 2.5}\n'
+    )
+    for name in ("m.parquet", "m.jsonl"):
+        ids = [row.id for row in open_manifest(tmp_path / name).rows()]
+        assert ids == ["7", None, None, "2.5"], name
+
+
+def test_a_column_of_a_parquet_file_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    table = pa.table([["a"], ["b"], ["c"]], names=["before", "after", "After"])
+    pq.write_table(table, tmp_path / "m.parquet")
+    with pytest.raises(DatasetError, match="it has the column after twice"):
+        open_manifest(tmp_path / "m.parquet")
+
+
+def test_a_json_object_that_says_a_column_twice_is_a_row_with_its_number(tmp_path: Path) -> None:
+    (tmp_path / "m.jsonl").write_text('{"before": "a", "after": "b", "before": "c"}\n')
+    (row,) = open_manifest(tmp_path / "m.jsonl").rows()
+    assert row == Row(error="line 1 of the manifest says before twice")
+
+
 def test_a_line_that_is_no_json_object_is_a_row_with_its_number(tmp_path: Path) -> None:
     (tmp_path / "m.jsonl").write_text('{"before": "a", "after": "b"}\n{"before": \n[1]\n')
     first, *broken = open_manifest(tmp_path / "m.jsonl").rows()
@@ -79,8 +142,10 @@ def test_a_manifest_may_lie_behind_an_address() -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("m.csv", b"before;after\na;b\n", r"no column before and no column after \(found: before;"),
-        ("m.csv", b"", r"found: nothing"),
+        ("m.csv", b"old;new\na;b\n", r"line 1: it has no column before and no .* \(found: old;new"),
+        ("m.csv", b"\n before ,AFTER, After\n", r"line 2: it has the column after twice"),
+        ("m.csv", b"before,after\na,b,c.jpg\n", r"line 2 has 3 cells, the header 2; put a path "),
+        ("m.csv", b"", r"it is empty; a manifest needs a header"),
         ("m.csv", b"before,after\n\xff\xfe,b\n", r"is not UTF-8 text; save it as UTF-8"),
         ("m.parquet", b"no parquet", r"cannot read .*m\.parquet: "),
         ("m.txt", b"", r"m\.txt is no manifest; give a \.csv"),
@@ -100,6 +165,40 @@ def test_a_manifest_that_is_not_there_is_refused(tmp_path: Path, address: str) -
     where = address if "://" in address else tmp_path / address
     with pytest.raises(DatasetError, match=f"cannot read .*{address}"):
         open_manifest(where)
+
+
+def test_a_manifest_may_lie_behind_a_signed_address() -> None:
+    with fsspec.open("memory://city/s.csv?Expires=3600&Signature=k/ab.cd", "wt") as file:
+        file.write("before,after\nold/a.jpg,new/a.jpg\n")
+    manifest = open_manifest("memory://city/s.csv?Expires=3600&Signature=k/ab.cd")
+    assert manifest.base == "memory://city"
+    assert list(manifest.rows()) == [Row(before="old/a.jpg", after="new/a.jpg")]
+
+
+def test_photos_of_kinds_that_are_not_read_are_named(tmp_path: Path) -> None:
+    files = {
+        "old": ["a.jpg", "a.CR2", "b.jpg", "c.nef", "notes.txt"],
+        "new": ["a.jfif", "b.NEF", "d.nef"],
+    }
+    for folder, names in files.items():
+        (tmp_path / folder).mkdir()
+        for name in names:
+            (tmp_path / folder / name).touch()
+    manifest = open_folders(tmp_path / "old", tmp_path / "new")
+    assert manifest.unread == ("a.CR2", "c.nef", "b.NEF", "d.nef")
+    a, b = manifest.rows()
+    assert (a.before, a.after) == (f"{tmp_path}/old/a.jpg", f"{tmp_path}/new/a.jfif")
+    assert b.error == (f"{tmp_path}/new has 0 photos called b (b.NEF is not read here), not one")
+
+
+def test_names_of_another_unicode_form_are_one_photo(tmp_path: Path) -> None:
+    composed, decomposed = (unicodedata.normalize(f, "café.jpg") for f in ("NFC", "NFD"))
+    for folder, name in (("old", composed), ("new", decomposed)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / name).touch()
+    (row,) = open_folders(tmp_path / "old", tmp_path / "new").rows()
+    assert row.error is None
+    assert row.id == "café"
 
 
 def test_folders_are_joined_by_stem_and_nothing_is_left_out(tmp_path: Path) -> None:

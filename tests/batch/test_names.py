@@ -44,6 +44,11 @@ def test_long_ids_that_begin_alike_stay_apart() -> None:
         (r"D:\old\elm.jpg", "elm"),
         ("https://host/a/b.png", "b"),
         ("plain", "plain"),
+        ("https://host/b.png?sig=r/t.u", "b"),
+        ("https://host/old%20town/elm%20st.jpg#top?x/y.z", "elm st"),
+        ("s3://bucket/a#1.jpg?versionId=k/q.s", "a#1"),
+        ("zip://old/a.jpg::https://host/photos.zip?sig=r/t.u", "a"),
+        ("what?/b#c.jpg", "b#c"),
     ],
 )
 def test_a_photo_is_called_by_its_file(address: str, expected: str) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import unicodedata
 from concurrent.futures import Future
 from pathlib import Path
 from threading import BoundedSemaphore, Thread
 from typing import TYPE_CHECKING, NoReturn
+from urllib.parse import unquote
 
 from zeroscd.errors import ImageError
 from zeroscd.images.read import DEFAULT_LIMITS, read_file
@@ -29,6 +32,22 @@ def is_remote(address: str) -> bool:
     return "://" in address
 
 
+def path_of(address: str) -> str:
+    """Return the path in an address, without the query that signs it and the archive around it.
+
+    Example:
+        >>> path_of("https://host/old/elm%20street.jpg?sig=k/q.s")
+        'host/old/elm street.jpg'
+        >>> path_of("zip://old/a.jpg::s3://bucket/photos.zip"), path_of("what?.jpg")
+        ('old/a.jpg', 'what?.jpg')
+    """
+    if not is_remote(address):
+        return address
+    scheme, _, path = address.partition("::")[0].partition("://")
+    path = path.partition("?")[0]
+    return unquote(path.partition("#")[0]) if scheme in ("http", "https") else path
+
+
 def resolve(address: str, *, base: str) -> str:
     """Return an address that no longer depends on the manifest's folder.
 
@@ -39,8 +58,25 @@ def resolve(address: str, *, base: str) -> str:
     if is_remote(address):
         return address
     if is_remote(base):
-        return f"{base.rstrip('/')}/{address}"
+        return f"{base.rstrip('/')}/{address.replace(chr(92), '/')}"
     return str(Path(base) / address)
+
+
+def existing_spelling(path: str) -> str:
+    """Return a path as its file is spelled, if that differs from how it was written.
+
+    Manifests from Windows have backslashes, and macOS decomposes accents (Unicode NFD) where other
+    systems compose them (NFC). A path that exists as it was written stays.
+    """
+    if os.path.lexists(path):
+        return path
+    slashes = path if os.sep == "\\" else path.replace("\\", "/")
+    found = Path(slashes).anchor
+    for part in Path(slashes).parts[1 if found else 0 :]:
+        spellings = (part, *(unicodedata.normalize(form, part) for form in ("NFC", "NFD")))
+        existing = (s for s in spellings if os.path.lexists(Path(found) / s))
+        found = str(Path(found) / next(existing, part))
+    return found if os.path.lexists(found) else path
 
 
 class Fetcher:
@@ -63,7 +99,7 @@ class Fetcher:
             ImageError: It is missing, unreadable, or does not arrive in time.
         """
         if not is_remote(address):
-            return read_file(address, limits=self._limits)
+            return read_file(existing_spelling(address), limits=self._limits)
         if not self._slots.acquire(timeout=self._timeout_s):
             self._raise_timeout(address)
         response: Future[bytes] = Future()

@@ -6,6 +6,8 @@ import hashlib
 import unicodedata
 from pathlib import PurePosixPath
 
+from zeroscd.batch.address import path_of
+
 MAX_LENGTH = 100  # characters; file systems allow 255 bytes, and a number may follow
 DIGEST_DIGITS = 8  # hexadecimal, at the end of shortened names
 ALLOWED = "-_.+=@ "  # besides letters and digits
@@ -37,10 +39,10 @@ def stem(address: str) -> str:
     """Return the file name of an address without its suffix.
 
     Example:
-        >>> stem("s3://bucket/2019/elm_street.jpg")
-        'elm_street'
+        >>> stem("s3://bucket/2019/elm_street.jpg"), stem("https://host/b.png?sig=r/t.u")
+        ('elm_street', 'b')
     """
-    return PurePosixPath(address.replace("\\", "/")).stem
+    return PurePosixPath(path_of(address).replace("\\", "/")).stem
 
 
 def _digest(text: str) -> str:

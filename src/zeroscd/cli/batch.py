@@ -20,7 +20,7 @@ from zeroscd.cli.options import (
 from zeroscd.errors import SettingsError, ZeroscdError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from zeroscd.batch import Manifest, Summary
     from zeroscd.batch.job import Engine
@@ -86,6 +86,7 @@ def batch(
         cache_bytes=cache_mb * MEBIBYTE,
     )
     pairs = find_pairs(manifest, after)
+    warn_unread(pairs.unread)
     try:
         with Bar("comparing") as bar:
             summary = run(pairs, out, options=options, engine=chosen, progress=bar)
@@ -116,6 +117,14 @@ def check_compared(summary: Summary, *, fail_on_error: bool) -> None:
             f"{summary.failed} of {summary.pairs} pairs could not be compared (--fail-on-error)"
         )
         raise ZeroscdError(message)
+
+
+def warn_unread(unread: Sequence[str]) -> None:
+    """Warn of photos of kinds that are not read here, if there are any."""
+    from zeroscd.images.folder import unread_warning
+
+    if message := unread_warning(unread):
+        warn(message)
 
 
 def find_pairs(manifest: str, after: str | None) -> Manifest:

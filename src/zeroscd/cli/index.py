@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from zeroscd.cli.batch import warn_unread
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import Device, Overrides, Places, Within, parse_overrides
 from zeroscd.errors import SettingsError
@@ -50,21 +51,22 @@ def build(
     """
     wanted = wanted_settings(preset, settings)
     from zeroscd.cli.progress import Bar
-    from zeroscd.retrieval.photos import list_photos
+    from zeroscd.images.folder import PhotoFiles, list_photos
 
-    paths = [path for source in photos for path in list_photos(source)]
+    files = sum(map(list_photos, photos), PhotoFiles())
     with busy("loading the encoder"):
         index = open_or_create(out, wanted, device=device)
     try:
         with Bar("describing") as bar:
-            done = index.add(paths, progress=bar)
+            done = index.add(files.photos, progress=bar)
     except KeyboardInterrupt:
         warn(f"stopped; give the same command again to continue in {out}")
         raise
     warn_of_failures(done.failed)
+    warn_unread(files.unread)
     say(
         f"{done.new} photos added, {done.changed} replaced, {done.same} there already, "
-        f"{len(done.failed)} unreadable"
+        f"{len(done.failed) + len(files.unread)} unreadable"
     )
     say(f"places: {out} ({len(index)} photos)")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.batch import check_compared, parse_files
+from zeroscd.cli.batch import check_compared, parse_files, warn_unread
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import (
     Device,
@@ -70,14 +70,15 @@ def survey(
     from zeroscd.cli.progress import Bar
     from zeroscd.detector import Detector
     from zeroscd.export.files import check_wanted
+    from zeroscd.images.folder import PhotoFiles, list_photos
     from zeroscd.retrieval import PlaceIndex
-    from zeroscd.retrieval.photos import list_photos
     from zeroscd.survey import MatchRules, compare, match_photos
 
     check_request(preset, overrides, out=out)
     wanted = parse_files(write)
     check_wanted(wanted)
-    paths = [path for source in photos for path in list_photos(source)]
+    files = sum(map(list_photos, photos), PhotoFiles())
+    warn_unread(files.unread)
     with busy("opening the place index"):
         index = PlaceIndex.open(places, device=device)
     options = Options(
@@ -88,7 +89,7 @@ def survey(
     try:
         with Bar("matching") as bar:
             rules = MatchRules(within_m=within, min_score=_min_score(min_score, least_score))
-            matches = match_photos(paths, index, out, rules=rules, progress=bar)
+            matches = match_photos(files.photos, index, out, rules=rules, progress=bar)
         with Bar("comparing") as bar:
             engine = Local(workers=workers)
             summary = compare(matches, out, options=options, engine=engine, progress=bar)

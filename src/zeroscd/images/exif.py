@@ -14,7 +14,7 @@ from PIL import Image
 
 from zeroscd.errors import ImageError
 from zeroscd.images.guard import guarded
-from zeroscd.images.read import FORMATS
+from zeroscd.images.read import formats
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,7 +53,7 @@ def read_exif(source: str | Path | bytes) -> Exif:
     """
     with suppress(ImageError), guarded("the photo"):
         file = io.BytesIO(source) if isinstance(source, bytes) else Path(source)
-        with Image.open(file, formats=FORMATS) as picture:
+        with Image.open(file, formats=formats()) as picture:
             notes = picture.getexif()
             return Exif(
                 gps=_place(notes.get_ifd(GPS_FOLDER)),

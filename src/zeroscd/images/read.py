@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from zeroscd.errors import ImageError
+from zeroscd.images import heif
 from zeroscd.images.colours import rgb_from_array, rgb_from_picture
 from zeroscd.images.guard import guarded, libtiff_muted
 from zeroscd.images.photo import Photo
@@ -29,8 +30,13 @@ if TYPE_CHECKING:
 
 # Pillow reads forty more, even PostScript, for which it runs another program.
 FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM")  # JPEG includes MPO
-# Of files of these formats; others in a folder are no photos.
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".gif", ".ppm"})
+# Of files of these formats (`images.folder` knows those of other kinds).
+SUFFIXES = frozenset(
+    {
+        *(".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".png", ".webp", ".tif", ".tiff"),
+        *(".bmp", ".dib", ".gif", ".ppm", ".pgm", ".pbm", ".pnm"),
+    }
+)
 
 MEGA = 1_000_000
 
@@ -116,8 +122,16 @@ def _decode(data: bytes, name: str, limits: PhotoLimits) -> Rgb:
         most = limits.max_file_bytes / MEGA
         message = f"{name} is larger than {most:.0f} megabytes; save it as JPEG or make it smaller"
         raise ImageError(message)
-    with guarded(name), Image.open(io.BytesIO(data), formats=FORMATS) as picture:
+    if heif.is_heif(data) and not heif.is_available():
+        message = f"{name} is a HEIC photo; {heif.HINT}, or convert it to JPEG"
+        raise ImageError(message)
+    with guarded(name), Image.open(io.BytesIO(data), formats=formats()) as picture:
         return _pixels(picture, name, limits)
+
+
+def formats() -> tuple[str, ...]:
+    """Return Pillow's names of the formats that are read here."""
+    return (*FORMATS, heif.FORMAT) if heif.is_available() else FORMATS
 
 
 def _pixels(picture: Image.Image, name: str, limits: PhotoLimits) -> Rgb:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from zeroscd.errors import DatasetError, ImageError
 from zeroscd.images.exif import Exif, read_exif
+from zeroscd.images.folder import absolute
 from zeroscd.images.read import read_file, read_photo
 from zeroscd.models import load_encoder
 from zeroscd.progress import Silent
@@ -19,7 +21,6 @@ from zeroscd.retrieval.compatibility import (
 )
 from zeroscd.retrieval.describe import describe
 from zeroscd.retrieval.gps import metres
-from zeroscd.retrieval.photos import absolute, digest_bytes
 from zeroscd.retrieval.rerank import geometric_score
 from zeroscd.retrieval.rows import Entry
 from zeroscd.retrieval.store import Store, is_index
@@ -246,7 +247,7 @@ class PlaceIndex:
             return None
         try:
             content = read_file(path)
-            digest = digest_bytes(content)
+            digest = hashlib.sha256(content).hexdigest()
             if digest == known:
                 done.same += 1
                 return None

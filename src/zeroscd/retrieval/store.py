@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import DatasetError, OutputError, SettingsError, ZeroscdError
 from zeroscd.fingerprint import digest_values
+from zeroscd.images.folder import absolute
 from zeroscd.retrieval.gps import box_around, metres
-from zeroscd.retrieval.photos import absolute
 from zeroscd.retrieval.rows import Entry, about_of, schema_of, to_entry, to_rows
 from zeroscd.text import one_line
 

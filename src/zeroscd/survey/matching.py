@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import ImageError
+from zeroscd.images.folder import absolute
 from zeroscd.renamed import renamed_fields
 from zeroscd.retrieval.index import RECOGNISED
-from zeroscd.retrieval.photos import absolute
 from zeroscd.retrieval.store import Nearby
 
 if TYPE_CHECKING:
