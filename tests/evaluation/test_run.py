@@ -38,6 +38,7 @@ def test_the_scores_are_those_worked_out_by_hand(
     assert scores["no_change"] == {
         "pairs": 1,
         "false_positive_rate": pytest.approx(0.05),
+        "flagged_fraction": pytest.approx(0.05),
         "pairs_with_false_alarm": 1.0,
         "false_regions_per_pair": 1.0,
     }
@@ -74,6 +75,7 @@ def test_what_is_ignored_counts_neither_way(
     assert scores["no_change"] == {
         "pairs": 1,
         "false_positive_rate": 0.0,
+        "flagged_fraction": 0.0,
         "pairs_with_false_alarm": 0.0,
         "false_regions_per_pair": 0.0,
     }

@@ -18,6 +18,7 @@ from zeroscd.evaluation.scores import Scores
 from zeroscd.evaluation.scoring import (
     PairScore,
     agreement,
+    count_judged,
     count_kinds,
     count_pair,
     distance_histogram,
@@ -168,6 +169,7 @@ class _PairScorer:
             seconds=detected.seconds,
             stages=dict(result.seconds),
             false_regions=false_regions,
+            judged_px=count_judged(found, result.unknown, pair.truth),
             histogram=distance_histogram(result.heatmap, pair.truth),
             kinds=count_kinds(result, pair.truth),
             consistency=(

@@ -23,13 +23,15 @@ class FalseAlarms:
 
     Attributes:
         pairs: Pairs without true change.
-        false_positive_rate: Mean share of their pixels that was flagged, 0..1; 0 without pairs.
+        false_positive_rate: Mean share of their counted pixels that was flagged; 0 without pairs.
+        flagged_fraction: The same of their judged pixels: what is unknown is left out.
         pairs_with_false_alarm: Share of them with a flagged region of 100 px or more, 0..1.
         false_regions_per_pair: Mean number of such regions.
     """
 
     pairs: int
     false_positive_rate: float
+    flagged_fraction: float | None
     pairs_with_false_alarm: float | None
     false_regions_per_pair: float | None
 
@@ -64,6 +66,9 @@ class Scores:
         return FalseAlarms(
             pairs=total,
             false_positive_rate=false_positive_rate([pair.counts for pair in unchanged]),
+            flagged_fraction=(
+                sum(pair.flagged_fraction for pair in unchanged) / total if total else None
+            ),
             pairs_with_false_alarm=sum(map(bool, regions)) / total if total else None,
             false_regions_per_pair=sum(regions) / total if total else None,
         )
@@ -140,8 +145,9 @@ def _row(pair: PairScore) -> dict[str, object]:
         "recall": pair.counts.recall if changed else None,
         "seconds": pair.seconds,
         "iou": pair.counts.iou if changed else None,
-        "flagged_fraction": pair.counts.flagged,
-        "flagged": pair.counts.flagged,  # its name until 0.1; 0.3 will leave it out
+        "flagged": pair.counts.flagged,
+        "flagged_fraction": pair.flagged_fraction,
+        "judged_px": pair.judged_px,
         "false_regions": pair.false_regions,
         "not_aligned": pair.not_aligned,
     }

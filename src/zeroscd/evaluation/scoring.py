@@ -65,6 +65,7 @@ class PairScore:
         seconds: Wall time of the detection.
         stages: Wall time of each stage.
         false_regions: Large enough regions of the mask that hit no true change.
+        judged_px: Counted pixels that the result calls changed or unchanged, not unknown.
         histogram: For the precision-recall curve over tau.
         kinds: None where the data does not tell removed from added.
         consistency: IoU with the mask found after swapping the photos; None when not asked for.
@@ -77,11 +78,17 @@ class PairScore:
     seconds: float
     stages: Mapping[str, float]
     false_regions: int
+    judged_px: int
     histogram: DistanceHistogram
     kinds: KindHits | None = None
     consistency: float | None = None
     not_aligned: str | None = None
     resized: bool = False
+
+    @property
+    def flagged_fraction(self) -> float:
+        """Share of the judged pixels that were flagged, 0..1; 0 where nothing was judged."""
+        return (self.counts.tp + self.counts.fp) / self.judged_px if self.judged_px else 0.0
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -119,6 +126,12 @@ def count_pair(predicted: Mask, truth: Truth) -> tuple[Counts, int]:
         count(sized, truth.changed, valid=truth.valid),
         count_false_regions(sized, truth.changed, valid=truth.valid),
     )
+
+
+def count_judged(predicted: Mask, unknown: Mask, truth: Truth) -> int:
+    """Count the pixels that count and are judged, at the truth's size; flagged ones always are."""
+    judged = resize_mask(predicted | ~unknown, truth.changed.shape)
+    return int(np.count_nonzero(judged & truth.valid))
 
 
 def distance_histogram(distance: Map, truth: Truth) -> DistanceHistogram:
