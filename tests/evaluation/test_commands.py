@@ -133,6 +133,27 @@ def test_a_mask_that_is_not_as_large_as_its_photo_is_named(
     assert line in capsys.readouterr().err
 
 
+def test_a_mask_in_colours_is_scored_like_a_white_one_and_named(
+    app: typer.Typer,
+    tiny_folder: Path,
+    tmp_path: Path,
+    save: Callable[[Path, NDArray[np.uint8]], Path],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    colours = np.zeros((40, 80, 3), np.uint8)
+    colours[:, 8:32] = (64, 0, 0)  # as columns 2 to 8 of the white one
+    colours[:, 76:] = (224, 224, 192)  # VOC's void
+    save(tiny_folder / "mask" / "a.png", colours)
+    for _ in range(2):  # also when its score comes from the ledger
+        run(app, "evaluate", "folder", tiny_folder, "-o", tmp_path / "out")
+        assert "warning: not black and white" in capsys.readouterr().err
+    scores = json.loads((tmp_path / "out" / "scores.json").read_text())
+    assert scores["per_pair"][0]["f1"] == pytest.approx(0.4)
+    assert scores["pixels"]["tn"] == 40 * 4 * (11 + 15 + 19)  # a without its void column, b, c
+    said = "not black and white, so everything but black counts as changed: masks of a"
+    assert said in scores["protocol"]["notes"]
+
+
 def test_a_protocol_that_sets_one_size_takes_masks_of_any_size(
     app: typer.Typer,
     tmp_path: Path,

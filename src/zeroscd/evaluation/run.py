@@ -179,6 +179,7 @@ class _PairScorer:
             ),
             not_aligned=why_not_aligned(result),
             resized=found.shape != pair.truth.changed.shape,
+            mask_note=pair.truth.note,
         )
         write_whole(self._mask_path(files), _png(found))
         self._ledger.add(self.key(files, content), score)

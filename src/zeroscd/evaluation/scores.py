@@ -104,14 +104,17 @@ class Scores:
 
         Where a protocol brings photos and masks to one size, masks of any size are in order.
         """
+        found = []
+        for note in sorted({pair.mask_note for pair in self.pairs if pair.mask_note}):
+            stems = [pair.stem for pair in self.pairs if pair.mask_note == note]
+            found.append(f"{note}: masks of {shorten(stems)}")
         resized = [pair.stem for pair in self.pairs if pair.resized]
-        if not resized:
-            return ()
-        frame = self.dataset.frame
-        return (
-            f"not as large as their {frame} photo: masks of {shorten(resized)}; what was found is "
-            "scaled to them, so they must show the whole of that photo",
-        )
+        if resized:
+            found.append(
+                f"not as large as their {self.dataset.frame} photo: masks of {shorten(resized)}; "
+                "what was found is scaled to them, so they must show the whole of that photo"
+            )
+        return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `scores.json`: fractions 0..1, None where no pair counts."""

@@ -71,6 +71,7 @@ class PairScore:
         consistency: IoU with the mask found after swapping the photos; None when not asked for.
         not_aligned: Why the photos were compared without alignment, or None.
         resized: The true mask was not as large as its photo.
+        mask_note: How the true mask was understood, where it is not what its data set promises.
     """
 
     stem: str
@@ -84,6 +85,7 @@ class PairScore:
     consistency: float | None = None
     not_aligned: str | None = None
     resized: bool = False
+    mask_note: str | None = None
 
     @property
     def flagged_fraction(self) -> float:

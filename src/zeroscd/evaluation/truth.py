@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from zeroscd.evaluation.datasets.masks import read_mask
+from zeroscd.evaluation.datasets.masks import read_mask, read_truth
 from zeroscd.images.read import read_photo
 
 if TYPE_CHECKING:
@@ -27,12 +27,14 @@ class Truth:
         valid: (H, W) pixels that count.
         removed: (H0, W0) t0 frame; None where the data does not say.
         added: (H1, W1) t1 frame; None where the data does not say.
+        note: How the mask file was understood, where it is not what its data set promises.
     """
 
     changed: Mask
     valid: Mask
     removed: Mask | None = None
     added: Mask | None = None
+    note: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +61,11 @@ def load_pair(files: PairFiles, dataset: Dataset) -> LoadedPair:
     """
     before = _photo(files.before, dataset.size_hw)
     after = _photo(files.after, dataset.size_hw)
-    changed = resize_mask(read_mask(files.mask, dataset.code), dataset.size_hw)
+    mask = read_truth(files.mask, dataset.code)
+    changed = resize_mask(mask.changed, dataset.size_hw)
     valid = np.ones_like(changed)
+    if mask.void is not None:
+        valid &= ~resize_mask(mask.void, changed.shape)
     if files.ignore is not None:
         valid &= ~resize_mask(read_mask(files.ignore, "white"), changed.shape)
     if dataset.black_is_void:
@@ -71,6 +76,7 @@ def load_pair(files: PairFiles, dataset: Dataset) -> LoadedPair:
         valid=valid,
         removed=_kind_mask(files.removed, dataset.size_hw),
         added=_kind_mask(files.added, dataset.size_hw),
+        note=mask.note,
     )
     return LoadedPair(before=before, after=after, truth=truth)
 

@@ -132,14 +132,14 @@ def pscd_tree(root: Path) -> Path:
     return root
 
 
-def changesim_tree(root: Path) -> Path:
+def changesim_tree(root: Path, below: str = "Query/Query_Seq_Test") -> Path:
     """A test sequence in colours, a dark one and a training one that do not count."""
     size_hw = (480, 640)
     before, after = photos(size_hw, brighter=True)
     colours = np.zeros((*size_hw, 3), np.uint8)
     colours[:, in_columns(size_hw, TRUE)] = (0, 0, 120)
     for place in ("Warehouse_6/Seq_0", "Warehouse_6/Seq_0_dark", "Warehouse_0/Seq_0"):
-        folder = root / "Query" / "Query_Seq_Test" / place
+        folder = root / below / place
         write(folder / "t0" / "rgb" / "0.png", before)
         write(folder / "rgb" / "0.png", after)
         write(folder / "change_segmentation" / "0.png", colours)
@@ -174,6 +174,12 @@ TREES: dict[str, Tree] = {
     "PCD crops": Tree("pcd2015-gsv", pcd_crops, 5, "white"),
     "PSCD": Tree("pscd", pscd_tree, 1, "white"),
     "ChangeSim": Tree("changesim", changesim_tree, 1, "colour"),
+    "ChangeSim as its loader reads it": Tree(
+        "changesim", lambda root: changesim_tree(root, "Localization/Query_Seq_Test"), 1, "colour"
+    ),
+    "ChangeSim, test queries alone": Tree(
+        "changesim", lambda root: changesim_tree(root, "Query_Seq_Test"), 1, "colour"
+    ),
 }
 
 

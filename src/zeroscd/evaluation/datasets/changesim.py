@@ -10,7 +10,11 @@ from zeroscd.evaluation.datasets.tree import join, shorten, stray_note, wrong_la
 if TYPE_CHECKING:
     from pathlib import Path
 
-EXPECTED = "ROOT/Query/Query_Seq_Test/Warehouse_{6..9}/Seq_{0,1}/{rgb,t0/rgb,change_segmentation}"
+EXPECTED = (
+    "ROOT/Localization/Query_Seq_Test/Warehouse_{6..9}/Seq_{0,1}/{rgb,t0/rgb,change_segmentation}"
+)
+# As script/dataloader.py of SAMMiCA/ChangeSim has it, as it was handed on, and parts of it.
+FOLDERS = ("Localization/Query_Seq_Test", "Query/Query_Seq_Test", "Query_Seq_Test", ".")
 SOURCE = "get the test query sequences (30 GB) as SAMMiCA/ChangeSim says"
 PARTS = ("t0/rgb", "rgb", "change_segmentation")
 
@@ -21,7 +25,8 @@ def open_root(root: Path, name: str) -> Dataset:
     Raises:
         DatasetError: No test sequence is there, or a pair is incomplete.
     """
-    sequences = _sequences(root / "Query" / "Query_Seq_Test") or _sequences(root)
+    found = (_sequences(root / folder) for folder in FOLDERS)
+    sequences = next(filter(None, found), [])
     if not sequences:
         raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     pairs: list[PairFiles] = []
