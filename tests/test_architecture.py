@@ -34,7 +34,7 @@ LAYERS = (
     ("retrieval",),
     ("evaluation", "batch"),
     ("survey",),
-    ("serve", "bench"),
+    ("serve", "bench", "model_check"),
     ("cli",),
     ("__main__",),
 )

@@ -11,6 +11,7 @@ from zeroscd.errors import SettingsError
 from zeroscd.segmenters.old_port import by_new_names
 from zeroscd.text import unknown
 from zeroscd.weights.backend import require_installed
+from zeroscd.weights.catalogue import find
 from zeroscd.weights.store import require
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.segmenters.port import Segmenter
     from zeroscd.settings import Settings
+    from zeroscd.weights.catalogue import WeightFile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +65,15 @@ class Models:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segmenter", by_new_names(self.segmenter))
+
+
+def weight_files(settings: Settings) -> list[WeightFile]:
+    """Return the catalogued weights of some settings; models that bring their own have none.
+
+    Raises:
+        SettingsError: An unknown encoder or segmenter.
+    """
+    return [find(recipe.weights) for recipe in _recipes_of(settings) if recipe.weights]
 
 
 def check_models(settings: Settings) -> None:

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.console import columns, warn
+from zeroscd.cli.console import busy, columns, warn
+from zeroscd.cli.options import Device  # noqa: TC001 - typer reads the annotation
 from zeroscd.errors import WeightsError
+from zeroscd.models import weight_files
 from zeroscd.weights.catalogue import CATALOGUE, find
 from zeroscd.weights.fetch import fetch, import_file
-from zeroscd.weights.store import is_present, path_of, weights_folder
+from zeroscd.weights.store import is_present, path_of, require, weights_folder
 from zeroscd.weights.verify import digest_of, fault_of
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from zeroscd.weights.catalogue import WeightFile
     from zeroscd.weights.fetch import Progress as Listener
 
-app = typer.Typer(help="Model weights: list, fetch, path, verify.", no_args_is_help=True)
+app = typer.Typer(help="Model weights: list, fetch, path, verify, check.", no_args_is_help=True)
 
 Names = Annotated[list[str], typer.Argument(help="Names from `zeroscd models list`.")]
 
@@ -84,6 +86,39 @@ def verify_models(
             raise WeightsError(message)
         typer.echo(f"{row.name}  {'as published' if row.sha256 else 'no digest published'}  {path}")
         _warn_unverified(row)
+
+
+@app.command("check")
+def check_models(
+    preset: Annotated[str, typer.Argument(help="Name of a preset.")], device: Device = "auto"
+) -> None:
+    """Fetch a preset's weights if need be, and check that its models work.
+
+    Compares photos that come with zeroscd, in which it is known what changed. Prints a block that
+    can be pasted into an issue.
+
+    Example: zeroscd models check robust
+    """
+    from zeroscd.model_check import check_preset, report
+    from zeroscd.settings import preset as named
+
+    rows = weight_files(named(preset))
+    require(row.name for row in rows if not row.fetchable)
+    with _bars() as bars:
+        for row in rows:
+            if not is_present(row):
+                fetch(row, progress=_listener(bars, row))
+    with busy(f"checking {preset}"):
+        found = check_preset(preset, device=device)
+        lines = report(preset, found, device=device)
+    for line in lines:
+        typer.echo(line)
+    if found.failed:
+        message = (
+            f"{len(found.failed)} of {len(found.checks)} checks of {preset} failed; "
+            f"the first: {found.failed[0].name} ({found.failed[0].found})"
+        )
+        raise WeightsError(message)
 
 
 def _present() -> Iterator[WeightFile]:
