@@ -26,7 +26,7 @@ LAYERS = (
     ("images",),  # the door and the grid: the geometry that all stages share
     ("records",),
     ("weights",),
-    ("encoders", "alignment", "change", "segmenters", "refine"),
+    ("encoders", "alignment", "change", "segmenters", "refine", "judge"),
     ("models", "evidence", "pages"),
     ("fingerprint", "export"),
     ("steps", "result"),

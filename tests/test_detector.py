@@ -261,7 +261,7 @@ def test_evidence_can_be_weighed_again_under_other_thresholds(
         for name in ("mask", "removed", "added", "unknown", "heatmap"):
             np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
         assert (again.settings, again.regions) == (chosen, whole.regions)
-        assert list(again.seconds) == ["align", "coarse", "segment", "refine"]
+        assert list(again.seconds) == ["align", "coarse", "segment", "refine", "judge"]
 
 
 @pytest.mark.parametrize(
@@ -425,7 +425,9 @@ def test_the_default_preset_takes_a_blank_photo_beside_a_real_one(
         result = lite.detect(before, after)
         assert isinstance(result.alignment, NotAligned)
         assert f"photo {when} is blank" in result.alignment.reason
-        assert not result.unknown.any()
+        assert not result.unseen.any()
+        # All of both is in view, but a blank photo verifies nothing.
+        assert (result.unknown | result.mask).all()
 
 
 @pytest.mark.data

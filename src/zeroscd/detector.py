@@ -21,8 +21,10 @@ from zeroscd.steps import (
     all_segments,
     coarse_changes,
     distances,
+    judge,
     removed_and_added,
     segments_around,
+    verified_ground_of,
 )
 from zeroscd.timer import StageTimer
 
@@ -152,6 +154,7 @@ class Detector:
             pair = Pair(photo_t0, photo_t1, homography_or_resize(alignment, *sizes_hw))
         with timer.stage("coarse"):
             distances_t0, distances_t1 = distances(pair, self.settings.change)
+            ground = verified_ground_of(pair)
         with timer.stage("segment"):
             everything = self.settings.segment.prompting == "everything"
             segments = all_segments(pair) if everything else None
@@ -160,6 +163,7 @@ class Detector:
             alignment=alignment,
             distances_t0=distances_t0,
             distances_t1=distances_t1,
+            ground=ground,
             segments=segments,
             settings=self.settings,
             seconds=timer.seconds,
@@ -184,13 +188,14 @@ class Detector:
         with timer.stage("segment"):
             segments = evidence.segments or segments_around(pair, coarse)
         with timer.stage("refine"):
-            removed, added = removed_and_added(pair, coarse, segments, chosen.refine)
-            regions = find_regions(removed, added, *coarse)
-        side_t0, side_t1 = pair.sides
-        if chosen.frame == "t0":
-            shown, mask = coarse[0], removed | side_t0.bring_mask(added)
-        else:
-            shown, mask = coarse[1], added | side_t1.bring_mask(removed)
+            masks = removed_and_added(pair, coarse, segments, chosen.refine)
+        with timer.stage("judge"):
+            judged = judge(evidence, coarse, masks, chosen.judge)
+            unseen_t0, unseen_t1 = (one.unknown for one in coarse)
+            regions = find_regions(*judged.parts, (unseen_t0, unseen_t1))
+        (side_t0, side_t1), (removed, added) = pair.sides, judged.masks
+        at = 0 if chosen.frame == "t0" else 1
+        mask = (removed | side_t0.bring_mask(added), added | side_t1.bring_mask(removed))[at]
         return ChangeResult(
             before=pair.photo_t0.photo,
             after=pair.photo_t1.photo,
@@ -198,8 +203,9 @@ class Detector:
             mask=mask,
             removed=removed,
             added=added,
-            unknown=shown.unknown & ~mask,
-            heatmap=shown.distance,
+            unknown=judged.unknown[at] & ~mask,
+            unseen=coarse[at].unknown & ~mask,
+            heatmap=coarse[at].distance,
             regions=regions,
             alignment=evidence.alignment,
             settings=chosen,

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Homography, Map, Mask, PointsXy
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.images.photo import Photo
+    from zeroscd.judge.ground import Ground
     from zeroscd.records import Alignment, FeatureMap, NotAligned, Segments
     from zeroscd.segmenters.port import MaskProposals
     from zeroscd.settings import Settings
@@ -102,6 +103,7 @@ class Evidence:
         distances_t0: How different the photo after is at each patch of the photo before.
         distances_t1: The same the other way round; None where the map of the photo before is
             carried over instead (`coarse_frames=t0`).
+        ground: Which patches of t0, and of t1, are verified by their own matches.
         segments: Segments of both photos; None where only those around coarse change are
             asked for (`prompting=coarse`), which the thresholds decide.
         settings: Under which the evidence was gathered.
@@ -112,6 +114,7 @@ class Evidence:
     alignment: Alignment | NotAligned
     distances_t0: DepthDistances
     distances_t1: DepthDistances | None
+    ground: tuple[Ground, Ground]
     segments: tuple[Segments, Segments] | None
     settings: Settings
     seconds: Mapping[str, float]

@@ -156,14 +156,17 @@ class Region:
     """One changed object or part of one.
 
     Attributes:
-        id: 1, 2, ... in order of falling score, then position.
+        id: 1, 2, ... in order of falling score, then position; regions at the border come last.
         kind: "removed" lives in the t0 photo, "added" in the t1 photo.
-        score: 0..1, confidence that this is a change.
+        score: 0..1, share of development regions with such support that truly changed.
         frame: The photo in whose pixels the geometry is given ("t0" for removed).
         area_px: Number of pixels.
         bbox_xywh: Left, top, width, height.
         polygon_xy: Outer outlines, each a list of (x, y).
         rle: COCO run lengths, {"size": [H, W], "counts": compressed text}.
+        support: 0..1, how well the change is supported by its surroundings; `judge` decides how
+            much is needed.
+        at_border: It lies mostly along what the other photo does not show.
     """
 
     id: int
@@ -174,6 +177,8 @@ class Region:
     bbox_xywh: tuple[int, int, int, int]
     polygon_xy: tuple[tuple[tuple[int, int], ...], ...]
     rle: Mapping[str, object]
+    support: float = 1.0
+    at_border: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,11 +188,13 @@ class Changes:
     Attributes:
         before: The t0 photo.
         after: The t1 photo.
-        frame: The photo in whose pixels mask, unknown and heatmap are given.
+        frame: The photo in whose pixels mask, unknown, unseen and heatmap are given.
         mask: (H, W) everything that changed, both kinds.
         removed: (H, W) in the t0 frame: was there, is gone or altered.
         added: (H, W) in the t1 frame: is there now, was not.
-        unknown: (H, W) seen by one photo only: no statement.
+        unknown: (H, W) not judged: neither changed nor unchanged, because it is not in view of
+            both photos, or its surroundings are not verified (parallax, or too different in light).
+        unseen: (H, W) the part of it that is not in view of both photos.
         heatmap: (H, W) float32 descriptor distance, 0..2.
         regions: The changed objects, most certain first.
         alignment: The homography, or why there is none.
@@ -203,6 +210,7 @@ class Changes:
     removed: Mask
     added: Mask
     unknown: Mask
+    unseen: Mask
     heatmap: Map
     regions: tuple[Region, ...]
     alignment: Alignment | NotAligned
@@ -212,6 +220,11 @@ class Changes:
 
     @property
     def changed_fraction(self) -> float:
-        """Share of the frame's known pixels that changed, 0..1; 0 when nothing is known."""
-        known = int((~self.unknown).sum())
-        return float(self.mask.sum()) / known if known else 0.0
+        """Share of the judged pixels that changed, 0..1; 0 when nothing was judged."""
+        judged = int((~self.unknown).sum())
+        return float(self.mask.sum()) / judged if judged else 0.0
+
+    @property
+    def judged_fraction(self) -> float:
+        """Share of the frame's pixels that are either changed or unchanged, 0..1."""
+        return 1.0 - float(self.unknown.mean())

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
+import numpy as np
+
+from zeroscd.alignment.align import matching_level
+from zeroscd.alignment.matching import match
 from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
+from zeroscd.change.fusion import to_photo
+from zeroscd.judge.cues import JudgedSide, measure
+from zeroscd.judge.ground import verified_ground, verified_share
+from zeroscd.judge.support import MIN_SUPPORT, RING_SHARE, score_of, support_of
 from zeroscd.records import CoarseChange
 from zeroscd.refine.kinds import assign_kinds
+from zeroscd.refine.regions import Part, connected_parts
 from zeroscd.refine.shapes import close_gaps, drop_thin, remove_small_components
 from zeroscd.refine.strength import keep_strong
 from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from zeroscd.arrays import Mask
     from zeroscd.change.coarse import DepthDistances
-    from zeroscd.evidence import Evidence, Pair
-    from zeroscd.records import Segments
+    from zeroscd.evidence import Evidence, Pair, Side
+    from zeroscd.judge.ground import Ground
+    from zeroscd.records import Segment, Segments
     from zeroscd.settings import ChangeSettings, RefineSettings, Settings
 
 
@@ -105,3 +117,109 @@ def _clean(mask: Mask, coarse: CoarseChange, refine: RefineSettings) -> Mask:
     strong = keep_strong(wide, coarse, min_peak=refine.min_peak)
     large = remove_small_components(strong, min_area_px=refine.min_area_px)
     return large if refine.partial_segments == "whole" else large & ~coarse.unknown
+
+
+def verified_ground_of(pair: Pair) -> tuple[Ground, Ground]:
+    """Match all patches of both photos; mark those whose match agrees with the homography."""
+    maps_t0, maps_t1 = pair.photo_t0.maps, pair.photo_t1.maps
+    level = matching_level(maps_t0)
+    map_t0, map_t1 = maps_t0[level], maps_t1[level]
+    found = match(map_t0.descriptors, map_t1.descriptors, matching="mutual")
+    side_t0, side_t1 = pair.sides
+    return (
+        verified_ground(
+            (map_t0.grid, map_t1.grid),
+            (found.index_t0, found.index_t1),
+            side_t0.carry,
+            size_there_hw=pair.photo_t1.size_hw,
+        ),
+        verified_ground(
+            (map_t1.grid, map_t0.grid),
+            (found.index_t1, found.index_t0),
+            side_t1.carry,
+            size_there_hw=pair.photo_t0.size_hw,
+        ),
+    )
+
+
+class Judged(NamedTuple):
+    """What is believed: changed parts of t0 and of t1, and what is not judged in either."""
+
+    parts: tuple[list[Part], list[Part]]
+    masks: tuple[Mask, Mask]
+    unknown: tuple[Mask, Mask]
+
+
+def judge(
+    evidence: Evidence,
+    coarse: tuple[CoarseChange, CoarseChange],
+    masks: tuple[Mask, Mask],
+    step: Literal["all", "likely", "sure"],
+) -> Judged:
+    """Keep the parts with enough support; where nothing can be said is unknown.
+
+    Args:
+        evidence: Of the pair.
+        coarse: Of t0 and of t1.
+        masks: What changed in t0 and in t1.
+        step: How much support is enough.
+    """
+    pair = evidence.pair
+    parts = tuple(
+        [_part(segment, _judged_side(side, change, ground)) for segment in connected_parts(mask)]
+        for side, change, ground, mask in zip(
+            pair.sides, coarse, evidence.ground, masks, strict=True
+        )
+    )
+    kept = tuple([p for p in own if p.support >= MIN_SUPPORT[step]] for own in parts)
+    believed = tuple(_union(own, mask.shape) for own, mask in zip(kept, masks, strict=True))
+    rejected = masks[0] & ~believed[0], masks[1] & ~believed[1]
+    side_t0, side_t1 = pair.sides
+    not_judged = (
+        rejected[0] | side_t0.bring_mask(rejected[1]),
+        rejected[1] | side_t1.bring_mask(rejected[0]),
+    )
+    unknown = tuple(
+        change.unknown | doubtful | _unverified(ground, change, step)
+        for change, doubtful, ground in zip(coarse, not_judged, evidence.ground, strict=True)
+    )
+    return Judged((kept[0], kept[1]), (believed[0], believed[1]), (unknown[0], unknown[1]))
+
+
+def _part(segment: Segment, side: JudgedSide) -> Part:
+    support = support_of(measure(segment, side))
+    return Part(segment, support, score_of(support))
+
+
+def _judged_side(side: Side, coarse: CoarseChange, ground: Ground) -> JudgedSide:
+    here, there = side.here.maps, side.there.maps
+    largest = here[0].grid.size_hw
+    return JudgedSide(
+        coarse=coarse,
+        ground=ground,
+        fine=here[min(matching_level(here) + 1, len(here) - 1)].grid,
+        coarsest=[
+            (own, other)
+            for own, other in zip(here, there, strict=True)
+            if own.grid.size_hw == largest
+        ],
+        carry=side.carry,
+    )
+
+
+def _union(parts: Sequence[Part], size_hw: tuple[int, ...]) -> Mask:
+    union = np.zeros(size_hw, dtype=bool)
+    for part in parts:
+        union[part.segment.window] |= part.segment.crop()
+    return union
+
+
+def _unverified(
+    ground: Ground, coarse: CoarseChange, step: Literal["all", "likely", "sure"]
+) -> Mask:
+    """Mark the pixels whose surroundings are not verified well enough to call them unchanged."""
+    size_hw = coarse.unknown.shape
+    if step == "all":
+        return np.zeros(size_hw, dtype=bool)
+    share = to_photo(verified_share(ground, coarse.unknown), ground.grid, size_hw=size_hw)
+    return np.asarray(share < (RING_SHARE.likely if step == "likely" else RING_SHARE.sure))

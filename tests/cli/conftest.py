@@ -49,6 +49,7 @@ class ToyDetector:
             removed=nothing,
             added=changed,
             unknown=nothing,
+            unseen=nothing,
             heatmap=changed.astype(np.float32),
             regions=(_region(columns, rows, changed.shape),) if changed.any() else (),
             alignment=NotAligned(reason="the toy never aligns", inliers=0, matches=0),

@@ -32,7 +32,7 @@ def test_a_comparison_writes_its_files_and_says_where(
     out = tmp_path / "out"
     captured = capsys.readouterr()
     assert captured.out.splitlines() == [
-        "1 region added; 4.2 % of the visible scene changed",
+        "1 region added; 4.2 % of the judged scene changed",
         f"report: {out / 'report.html'}",
     ]
     with Image.open(out / "mask.png") as mask:

@@ -38,6 +38,7 @@ def region(number: int, kind: str, xywh: tuple[int, int, int, int], score: float
         bbox_xywh=xywh,
         polygon_xy=(ring,),
         rle={"size": [H, W], "counts": "made up"},
+        support=0.6,
     )
 
 
@@ -55,6 +56,7 @@ def result() -> ChangeResult:
         removed=removed,
         added=added,
         unknown=box(0, 0, SHIFT, H),
+        unseen=box(0, 0, SHIFT, H),
         heatmap=np.where(box(15, 10, 20, 10), 1.1, 0.1).astype(np.float32),
         regions=(
             region(1, "removed", (5, 10, 20, 10), 0.91),

@@ -19,6 +19,7 @@ def test_the_json_says_what_the_result_says(result: ChangeResult) -> None:
     assert settings["refine"]["alpha"] == 0.8
     # mask: 20 x 10 removed and 8 x 8 added; known: 80 x 60 less the 10 x 60 that only t1 shows
     assert found.pop("changed_fraction") == pytest.approx((200 + 64) / (4800 - 600))
+    assert found.pop("judged_fraction") == pytest.approx((4800 - 600) / 4800)
     assert found == {
         "schema": 1,
         "before": {"path": "photos/old street.jpg", "width": 80, "height": 60},
@@ -41,6 +42,8 @@ def test_the_json_says_what_the_result_says(result: ChangeResult) -> None:
                 "polygon_xy": [[[5, 10], [24, 10], [24, 19], [5, 19]]],
                 "rle": {"size": [60, 80], "counts": "made up"},
                 "frame": "t0",
+                "support": 0.6,
+                "at_border": False,
             },
             {
                 "id": 2,
@@ -51,6 +54,8 @@ def test_the_json_says_what_the_result_says(result: ChangeResult) -> None:
                 "polygon_xy": [[[50, 30], [57, 30], [57, 37], [50, 37]]],
                 "rle": {"size": [60, 80], "counts": "made up"},
                 "frame": "t1",
+                "support": 0.6,
+                "at_border": False,
             },
         ],
         "seconds": {"features": 0.5, "segments": 1.25},

@@ -101,7 +101,7 @@ def test_every_picture_is_described_and_every_control_is_named(page: Page) -> No
 
 def test_the_heading_is_the_summary(page: Page) -> None:
     assert page.words["h1"] == (
-        "1 region added, 1 removed; 6.3\N{NO-BREAK SPACE}% of the visible scene changed"
+        "1 region added, 1 removed; 6.3\N{NO-BREAK SPACE}% of the judged scene changed"
     )
 
 

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 
 def test_the_summary_counts_and_measures(result: ChangeResult) -> None:
-    assert (
-        summary.summary(result) == "1 region added, 1 removed; 6.3 % of the visible scene changed"
-    )
+    assert summary.summary(result) == "1 region added, 1 removed; 6.3 % of the judged scene changed"
 
 
 def test_more_than_one_region_is_plural(result: ChangeResult) -> None:
@@ -42,7 +40,7 @@ def test_a_missing_alignment_is_a_warning_with_its_reason(not_aligned: ChangeRes
 def test_a_mostly_unknown_photo_is_a_warning(result: ChangeResult) -> None:
     unknown = np.ones_like(result.unknown)
     unknown[:, :20] = False
-    (warning,) = summary.warnings(replace(result, unknown=unknown))
+    (warning,) = summary.warnings(replace(result, unknown=unknown, unseen=unknown))
     assert warning.startswith("Only 25 % of the photo is visible in both photos")
 
 
@@ -60,10 +58,28 @@ def test_motion_of_a_perspective_is_taken_at_the_point_itself() -> None:
     assert found == pytest.approx((0.0, 0.0, 0.5))
 
 
-def test_coverage_names_the_compared_share(result: ChangeResult, nothing: ChangeResult) -> None:
-    assert summary.coverage_sentence(result).startswith("88 % of the photo")
-    known = replace(nothing, unknown=np.zeros_like(nothing.unknown))
-    assert summary.coverage_sentence(known) == "The whole photo was compared."
+def test_coverage_names_what_was_judged_and_why_the_rest_was_not(result: ChangeResult) -> None:
+    unknown = result.unknown.copy()
+    unknown[:30, 60:] = True
+    in_view = replace(result, unknown=unknown)
+    assert summary.coverage_sentence(in_view) == (
+        "75 % of the photo was judged. Hatched: 12 % not in view of both photos, "
+        "12 % in surroundings that match too little."
+    )
+    assert summary.coverage_sentence(result).startswith(
+        "88 % of the photo was judged. Hatched: 12 % not"
+    )
+    known = replace(result, unknown=np.zeros_like(result.unknown), unseen=result.unseen & False)
+    assert summary.coverage_sentence(known) == "The whole photo was judged."
+
+
+def test_a_pair_that_can_hardly_be_judged_is_a_warning(result: ChangeResult) -> None:
+    unknown = np.ones_like(result.unknown)
+    unknown[:, :9] = False  # of 80 columns
+    assert summary.warnings(replace(result, unknown=unknown)) == []
+    unknown[:, 7:9] = True
+    (warning,) = summary.warnings(replace(result, unknown=unknown))
+    assert warning.startswith("Only 8.8 % of the photo could be judged: elsewhere the photos match")
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,8 @@ def test_regions_come_back_from_the_file_as_they_were(
         "bbox_xywh": [5, 10, 20, 10],
         "polygon_xy": [[[5, 10], [24, 10], [24, 19], [5, 19]]],
         "frame": "t0",
+        "support": 0.6,
+        "at_border": False,
         "height": 60,
         "width": 80,
         "rle": encoded.regions[0].rle["counts"],

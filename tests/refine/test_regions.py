@@ -4,28 +4,32 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zeroscd.records import CoarseChange
-from zeroscd.refine.regions import encode_rle, find_regions
+from zeroscd.refine.regions import Part, connected_parts, encode_rle, find_regions
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask
     from zeroscd.records import Region
 
 SIZE_HW = (24, 30)
-UNRELATED = float(np.sqrt(2))
+NO_PIXELS = np.zeros(SIZE_HW, dtype=bool)
 
 
-def coarse(distance: Any = 1.0, *, tau: float = 0.6, unknown: Mask | None = None) -> CoarseChange:
-    distances = np.broadcast_to(np.float32(distance), SIZE_HW).astype(np.float32)
-    nothing = np.zeros(SIZE_HW, dtype=bool)
-    unknown = nothing if unknown is None else unknown
-    return CoarseChange(
-        distance=distances, changed=(distances > tau) & ~unknown, unknown=unknown, tau=tau
-    )
+def parts(mask: Mask, *scores: float) -> list[Part]:
+    """The connected parts of a mask; scores in order from the top, .5 where none is given."""
+    found = connected_parts(mask)
+    return [
+        Part(segment, score, score)
+        for segment, score in zip(found, [*scores, *[0.5] * len(found)], strict=False)
+    ]
+
+
+def regions(
+    removed: Mask, added: Mask, unseen: tuple[Mask, Mask] = (NO_PIXELS, NO_PIXELS)
+) -> tuple[Region, ...]:
+    return find_regions(parts(removed), parts(added), unseen)
 
 
 def box(left: int, top: int, width: int, height: int) -> Mask:
@@ -35,6 +39,7 @@ def box(left: int, top: int, width: int, height: int) -> Mask:
 
 
 NOTHING = box(0, 0, 0, 0)
+NONE_UNSEEN = (NOTHING, NOTHING)
 
 
 def painted(region: Region) -> Mask:
@@ -64,11 +69,11 @@ def decode(rle: Any) -> Mask:
 
 
 def test_nothing_changed_gives_no_regions() -> None:
-    assert find_regions(NOTHING, NOTHING, coarse(), coarse()) == ()
+    assert regions(NOTHING, NOTHING) == ()
 
 
 def test_a_region_says_where_what_and_how_large() -> None:
-    (region,) = find_regions(NOTHING, box(3, 5, 4, 2), coarse(), coarse())
+    (region,) = regions(NOTHING, box(3, 5, 4, 2))
     assert (region.id, region.kind, region.frame) == (1, "added", "t1")
     assert region.bbox_xywh == (3, 5, 4, 2)
     assert region.area_px == 8
@@ -76,37 +81,35 @@ def test_a_region_says_where_what_and_how_large() -> None:
 
 
 def test_removed_things_live_in_the_photo_before() -> None:
-    (region,) = find_regions(box(3, 5, 4, 2), NOTHING, coarse(), coarse())
+    (region,) = regions(box(3, 5, 4, 2), NOTHING)
     assert (region.kind, region.frame) == ("removed", "t0")
 
 
-@pytest.mark.parametrize(
-    ("distance", "score"),
-    [(0.6, 0.5), (UNRELATED, 1.0), (2.0, 1.0), ((0.6 + UNRELATED) / 2, 0.75), (0.0, 0.131)],
-)
-def test_the_score_runs_from_tau_to_unrelated(distance: float, score: float) -> None:
-    (region,) = find_regions(box(1, 1, 5, 5), NOTHING, coarse(distance), coarse(0))
-    assert region.score == pytest.approx(score, abs=1e-3)
-
-
-def test_unknown_pixels_do_not_count_towards_the_score() -> None:
-    place, unknown = box(0, 0, 10, 4), box(0, 0, 5, 4)
-    distance = np.where(unknown, 0.0, UNRELATED)
-    (region,) = find_regions(place, NOTHING, coarse(distance, unknown=unknown), coarse())
-    assert region.score == pytest.approx(1.0)
-    (hidden,) = find_regions(unknown, NOTHING, coarse(distance, unknown=unknown), coarse())
-    assert hidden.score == pytest.approx(0.5)
+def test_support_and_score_are_handed_on() -> None:
+    (region,) = find_regions([], [Part(parts(box(1, 1, 5, 5))[0].segment, 0.3, 0.7)], NONE_UNSEEN)
+    assert (region.support, region.score) == (0.3, 0.7)
 
 
 def test_regions_are_numbered_from_the_most_certain() -> None:
-    distance = np.full(SIZE_HW, 0.7)
-    distance[:, 10:] = 1.1
-    removed = box(1, 1, 3, 3) | box(12, 1, 3, 3)
-    added = box(20, 8, 3, 3)
-    found = find_regions(removed, added, coarse(distance), coarse(1.3))
+    removed = parts(box(1, 1, 3, 3) | box(12, 8, 3, 3), 0.6, 0.8)
+    found = find_regions(removed, parts(box(20, 8, 3, 3), 0.9), NONE_UNSEEN)
     assert [r.id for r in found] == [1, 2, 3]
     assert [r.bbox_xywh[0] for r in found] == [20, 12, 1]
-    assert [r.score for r in found] == sorted((r.score for r in found), reverse=True)
+
+
+def test_regions_along_what_the_other_photo_does_not_show_come_last() -> None:
+    size_hw = (100, 100)  # whose border is 2 pixels wide
+    unseen = np.zeros(size_hw, dtype=bool)
+    unseen[:, :10] = True
+    mask = np.zeros(size_hw, dtype=bool)
+    mask[10:40, 10:12] = mask[60:70, 50:60] = True
+    at_border, inner = parts(mask, 0.9, 0.2)
+    found = find_regions([], [at_border, inner], (unseen, unseen))
+    assert [(r.at_border, r.score) for r in found] == [(False, 0.2), (True, 0.9)]
+    # Half of a region along the border is not most of it.
+    mask[10:40, 10:14] = True
+    (wide, _) = parts(mask, 0.9, 0.2)
+    assert not find_regions([], [wide], (unseen, unseen))[0].at_border
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -120,7 +123,7 @@ def test_the_regions_together_are_the_masks(seed: int) -> None:
         > 0
         for _ in range(2)
     )
-    found = find_regions(removed, added, coarse(rng.uniform(0, 2, SIZE_HW)), coarse())
+    found = regions(removed, added)
     for kind, whole in (("removed", removed), ("added", added)):
         parts = [decode(r.rle) for r in found if r.kind == kind]
         together = np.sum(parts, axis=0, dtype=int) if parts else np.zeros(SIZE_HW, dtype=int)
@@ -138,7 +141,7 @@ def test_the_regions_together_are_the_masks(seed: int) -> None:
 
 
 def test_diagonal_neighbours_are_one_region() -> None:
-    (region,) = find_regions(box(2, 2, 2, 2) | box(4, 4, 2, 2), NOTHING, coarse(), coarse())
+    (region,) = regions(box(2, 2, 2, 2) | box(4, 4, 2, 2), NOTHING)
     assert region.area_px == 8
 
 

@@ -144,7 +144,7 @@ def test_a_result_holds_no_style_that_the_policy_would_block(found: CachedResult
 
 def test_warnings_are_shown_in_words(found: CachedResult) -> None:
     unknown = np.ones_like(found.result.unknown)
-    darkened = replace(found, result=replace(found.result, unknown=unknown))
+    darkened = replace(found, result=replace(found.result, unknown=unknown, unseen=unknown))
     assert "visible in both photos" in render_result(darkened, "n")
     assert 'class="warning"' in render_result(darkened, "n")
     assert 'class="warning"' not in render_result(found, "n")

@@ -59,7 +59,7 @@ def _align_in_order(
     *,
     sizes_hw: tuple[tuple[int, int], tuple[int, int]],
 ) -> Alignment | NotAligned:
-    level = _matching_level(maps_a)
+    level = matching_level(maps_a)
     points = _match_all(maps_a[level], maps_b[level], settings)
     found = _estimate(points, maps_b[level], settings)
     reason = _rejection_reason(found, len(points.points_a), settings, sizes_hw=sizes_hw)
@@ -75,7 +75,8 @@ def _align_in_order(
     )
 
 
-def _matching_level(maps: tuple[FeatureMap, ...]) -> int:
+def matching_level(maps: tuple[FeatureMap, ...]) -> int:
+    """Return the index of the finest map whose patches can all be matched with all."""
     cells = [np.prod(m.grid.size_hw) for m in maps]
     return max((i for i, n in enumerate(cells) if n <= MATCHING_CELLS), default=0)
 

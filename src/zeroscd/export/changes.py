@@ -30,6 +30,7 @@ def changes(result: Changes) -> dict[str, Any]:
         "settings": result.settings.to_dict(),
         "alignment": _alignment(result.alignment),
         "changed_fraction": float(result.changed_fraction),
+        "judged_fraction": float(result.judged_fraction),
         "regions": [region_values(region) for region in result.regions],
         "seconds": {stage: float(value) for stage, value in result.seconds.items()},
     }
@@ -60,4 +61,6 @@ def region_values(region: Region) -> dict[str, Any]:
         "polygon_xy": [[[int(x), int(y)] for x, y in ring] for ring in region.polygon_xy],
         "rle": dict(region.rle),
         "frame": region.frame,
+        "support": float(region.support),
+        "at_border": bool(region.at_border),
     }

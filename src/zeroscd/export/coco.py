@@ -94,4 +94,5 @@ def _annotation(number: int, image: int, region: Region) -> dict[str, Any]:
         "bbox": [int(value) for value in region.bbox_xywh],
         "iscrowd": 0,
         "score": float(region.score),
+        "support": float(region.support),
     }

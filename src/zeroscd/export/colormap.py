@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Map, Mask, Rgb
 
 MIN_SCALE_END = 0.5  # so that two equal photos do not glow with noise
-UNKNOWN_GREY = 128
+UNSEEN_GREY = 128
 SCALE_STOPS = 12
 
 
@@ -20,11 +20,11 @@ def scale_end(heatmap: Map) -> float:
     return max(MIN_SCALE_END, float(heatmap.max(initial=0)))
 
 
-def apply_colormap(heatmap: Map, *, unknown: Mask, end: float) -> Rgb:
-    """Paint distances 0..end from dark to bright, and unknown places grey; (H, W, 3)."""
+def apply_colormap(heatmap: Map, *, unseen: Mask, end: float) -> Rgb:
+    """Paint distances 0..end from dark to bright, and unseen places grey; (H, W, 3)."""
     levels = (heatmap / end * 255).round().clip(0, 255).astype(np.uint8)
     colours = _palette()[levels]
-    colours[unknown] = UNKNOWN_GREY
+    colours[unseen] = UNSEEN_GREY
     return colours
 
 

@@ -26,7 +26,8 @@ class CommonFrame:
         after: (H, W, 3) the t1 photo, likewise.
         removed: (H, W) carried here from the t0 photo.
         added: (H, W) carried here from the t1 photo.
-        unknown: (H, W) seen by one photo only.
+        unknown: (H, W) not judged.
+        unseen: (H, W) the part of it that only one photo shows.
         heatmap: (H, W) descriptor distance.
         from_t0: Carries pixels of the t0 photo here.
         from_t1: Carries pixels of the t1 photo here.
@@ -37,6 +38,7 @@ class CommonFrame:
     removed: Mask
     added: Mask
     unknown: Mask
+    unseen: Mask
     heatmap: Map
     from_t0: Homography
     from_t1: Homography
@@ -69,6 +71,7 @@ def to_common_frame(result: Changes, *, longest_px: int | None = None) -> Common
         removed=before.mask(result.removed),
         added=after.mask(result.added),
         unknown=in_frame.mask(result.unknown),
+        unseen=in_frame.mask(result.unseen),
         heatmap=in_frame(result.heatmap.astype(np.float32)),
         from_t0=from_t0,
         from_t1=from_t1,

@@ -95,7 +95,7 @@ def _legend(width: int, longest_px: int) -> Rgb:
     for text, colour in (
         ("removed", REMOVED_RGB),
         ("added", ADDED_RGB),
-        ("seen in one photo only", UNKNOWN_RGB),
+        ("not judged", UNKNOWN_RGB),
     ):
         draw.rectangle((x, pad, x + height - 2 * pad, height - pad), fill=colour)
         x += height - pad

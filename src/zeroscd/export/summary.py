@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from zeroscd.images.photo import Photo
     from zeroscd.records import Changes
 
-MOSTLY_UNKNOWN = 0.5  # share of unknown pixels above which the report warns
+MOSTLY_UNSEEN = 0.5  # share of pixels out of view above which the report warns
+HARDLY_JUDGED = 0.1  # share of judged pixels below which it warns
 
 
 def summary(result: Changes) -> str:
@@ -23,7 +24,7 @@ def summary(result: Changes) -> str:
     counts = {kind: sum(r.kind == kind for r in result.regions) for kind in ("added", "removed")}
     found = ", ".join(f"{n} {kind}" for kind, n in counts.items() if n)
     noun = "region " if found.startswith("1 ") else "regions "
-    share = f"{percent(result.changed_fraction)} of the visible scene changed"
+    share = f"{percent(result.changed_fraction)} of the judged scene changed"
     return f"{found.replace(' ', f' {noun}', 1)}; {share}" if found else share
 
 
@@ -36,11 +37,17 @@ def warnings(result: Changes) -> list[str]:
             f"The photos could not be aligned: {reason}. They were compared as they lie, "
             "so a moved camera may look like change."
         )
-    unknown = float(result.unknown.mean())
-    if unknown > MOSTLY_UNKNOWN:
+    unseen = float(result.unseen.mean())
+    if unseen > MOSTLY_UNSEEN:
         found.append(
-            f"Only {percent(1 - unknown)} of the photo is visible in both photos; "
+            f"Only {percent(1 - unseen)} of the photo is visible in both photos; "
             "nothing is said about the rest."
+        )
+    elif result.judged_fraction < HARDLY_JUDGED:
+        found.append(
+            f"Only {percent(result.judged_fraction)} of the photo could be judged: elsewhere the "
+            "photos match too little, because the camera moved or light and season differ too "
+            "much. An unmarked place there is not known to be unchanged."
         )
     return found
 
@@ -62,13 +69,16 @@ def alignment_sentence(result: Changes) -> str:
 
 def coverage_sentence(result: Changes) -> str:
     """Say how much of the frame's photo could be compared at all."""
-    unknown = float(result.unknown.mean())
-    if unknown == 0:
-        return "The whole photo was compared."
-    return (
-        f"{percent(1 - unknown)} of the photo is visible in both photos; "
-        "the rest is hatched, and nothing is said about it."
-    )
+    if not result.unknown.any():
+        return "The whole photo was judged."
+    unseen = float(result.unseen.mean())
+    unverified = float(result.unknown.mean()) - unseen
+    reasons = {
+        f"{percent(unseen)} not in view of both photos": unseen,
+        f"{percent(unverified)} in surroundings that match too little": unverified,
+    }
+    why = ", ".join(reason for reason, share in reasons.items() if share > 0)
+    return f"{percent(result.judged_fraction)} of the photo was judged. Hatched: {why}."
 
 
 def motion(alignment: Alignment, at_xy: tuple[float, float]) -> tuple[float, float, float]:

@@ -24,7 +24,7 @@ HEAT_QUALITY = 75
 
 def _heat(view: CommonFrame) -> bytes:
     end = colormap.scale_end(view.heatmap)
-    colours = colormap.apply_colormap(view.heatmap, unknown=view.unknown, end=end)
+    colours = colormap.apply_colormap(view.heatmap, unseen=view.unseen, end=end)
     return jpeg(colours, quality=HEAT_QUALITY)
 
 

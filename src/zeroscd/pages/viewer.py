@@ -35,7 +35,7 @@ class Viewer:
         size_hw: Of all four pictures.
         uris: Where each picture is, as an address or inside a `data:` URI: "before" and "after",
             the photos in the common frame; "heat", the heat map in colours; "unknown", the
-            hatching of places that only one photo shows, transparent elsewhere.
+            hatching of places that are not judged, transparent elsewhere.
         before_alt: What the photo before is, in words.
         after_alt: Likewise.
         shapes: The most certain one first.

@@ -1,71 +1,93 @@
-"""Changed masks to a list of objects: outline, box, run lengths, score."""
+"""Changed masks to a list of regions: polygon, box, run lengths, score."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
 from pycocotools import mask as coco
 
-from zeroscd.records import UNRELATED, Region
+from zeroscd.records import Region, Segment
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from zeroscd.arrays import Mask
-    from zeroscd.records import CoarseChange, Frame, Kind
+    from zeroscd.records import Frame, Kind
+
+
+BORDER_WIDTH = 0.02  # of the square root of a photo's area: slightly wrong alignment shows there
+MOSTLY = 0.5  # share of a region along the border from which it is a region at the border
+
+
+class Part(NamedTuple):
+    """A connected part of a changed mask, with its support and its score, both 0..1."""
+
+    segment: Segment
+    support: float
+    score: float
+
+
+def connected_parts(mask: Mask) -> list[Segment]:
+    """Return the connected parts of a mask; pixels that touch at a corner are connected."""
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    parts = []
+    for label in range(1, count):
+        x, y, w, h = (int(value) for value in boxes[label, :4])
+        part = Segment.from_mask(labels[y : y + h, x : x + w] == label, offset_xy=(x, y))
+        parts += [part] if part is not None else []
+    return parts
 
 
 def find_regions(
-    removed_t0: Mask, added_t1: Mask, coarse_t0: CoarseChange, coarse_t1: CoarseChange
+    removed_t0: Iterable[Part], added_t1: Iterable[Part], unseen: tuple[Mask, Mask]
 ) -> tuple[Region, ...]:
-    """List the connected parts of both masks, most certain first.
+    """List the changed parts of both photos, most certain first.
+
+    Args:
+        removed_t0: Parts of the photo before.
+        added_t1: Parts of the photo after.
+        unseen: Pixels of t0, and of t1, that the other photo does not show.
 
     Returns:
-        Regions numbered from 1; the score is 0.5 where the mean distance is just tau, and 1
-        where the photos have nothing in common.
+        Regions numbered from 1; those along what the other photo does not show come last.
     """
     found = [
-        *_parts(removed_t0, coarse_t0, kind="removed", frame="t0"),
-        *_parts(added_t1, coarse_t1, kind="added", frame="t1"),
+        *_regions(removed_t0, unseen[0], kind="removed", frame="t0"),
+        *_regions(added_t1, unseen[1], kind="added", frame="t1"),
     ]
-    found.sort(key=lambda r: (-r.score, r.kind, r.bbox_xywh))
-    return tuple(_renumber(region, i) for i, region in enumerate(found, start=1))
+    found.sort(key=lambda r: (r.at_border, -r.score, r.kind, r.bbox_xywh))
+    return tuple(replace(region, id=number) for number, region in enumerate(found, start=1))
 
 
-def _parts(mask: Mask, coarse: CoarseChange, *, kind: Kind, frame: Frame) -> list[Region]:
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    return [
-        _region(labels == label, coarse, tuple(int(n) for n in boxes[label, :4]), kind, frame)
-        for label in range(1, count)
-    ]
+def _regions(parts: Iterable[Part], unseen: Mask, *, kind: Kind, frame: Frame) -> Iterator[Region]:
+    border = _border(unseen)
+    for segment, support, score in parts:
+        inside = segment.crop()
+        at_border_px = np.count_nonzero(inside & border[segment.window])
+        yield Region(
+            id=0,
+            kind=kind,
+            score=score,
+            frame=frame,
+            area_px=segment.area_px,
+            bbox_xywh=segment.bbox_xywh,
+            polygon_xy=_polygons(inside, offset_xy=segment.bbox_xywh[:2]),
+            rle=encode_rle(segment.mask((unseen.shape[0], unseen.shape[1]))),
+            support=support,
+            at_border=bool(at_border_px > MOSTLY * segment.area_px),
+        )
 
 
-def _region(
-    mask: Mask, coarse: CoarseChange, box: tuple[int, ...], kind: Kind, frame: Frame
-) -> Region:
-    x, y, w, h = box
-    window = (slice(y, y + h), slice(x, x + w))
-    inside = mask[window]
-    seen = inside & ~coarse.unknown[window]
-    distance = float(coarse.distance[window][seen].mean()) if seen.any() else coarse.tau
-    return Region(
-        id=0,
-        kind=kind,
-        score=_score(distance, coarse.tau),
-        frame=frame,
-        area_px=int(np.count_nonzero(inside)),
-        bbox_xywh=(x, y, w, h),
-        polygon_xy=_polygons(inside, offset_xy=(x, y)),
-        rle=encode_rle(mask),
-    )
-
-
-def _score(distance: float, tau: float) -> float:
-    room = max(UNRELATED - tau, 1e-6)
-    return float(np.clip(0.5 + 0.5 * (distance - tau) / room, 0.0, 1.0))
+def _border(unseen: Mask) -> Mask:
+    """Mark what lies close to the pixels that the other photo does not show."""
+    if not unseen.any():
+        return unseen
+    away_px = cv2.distanceTransform((~unseen).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
+    return np.asarray(away_px <= BORDER_WIDTH * math.sqrt(unseen.size))
 
 
 def _polygons(
@@ -89,7 +111,3 @@ def encode_rle(mask: Mask) -> Mapping[str, object]:
     """
     encoded = coco.encode(np.asfortranarray(mask.astype(np.uint8)))
     return {"size": [int(n) for n in encoded["size"]], "counts": encoded["counts"].decode("ascii")}
-
-
-def _renumber(region: Region, number: int) -> Region:
-    return replace(region, id=number)

@@ -25,6 +25,7 @@ EXAMPLE: dict[str, JsonValue] = {
         "reason": None,
     },
     "changed_fraction": 0.031,
+    "judged_fraction": 0.87,
     "regions": [
         {
             "id": 1,
@@ -35,6 +36,8 @@ EXAMPLE: dict[str, JsonValue] = {
             "polygon_xy": [[[10, 20], [12, 20], [12, 21], [10, 21]]],
             "rle": {"size": [640, 768], "counts": "d^<2\\e0:0"},
             "frame": "t0",
+            "support": 0.84,
+            "at_border": False,
         }
     ],
     "seconds": {"read": 0.02, "encode": 0.3, "align": 0.1},
@@ -87,6 +90,8 @@ class ChangedRegion(BaseModel):
     polygon_xy: list[list[Point]]
     rle: RunLengths
     frame: FrameName = Field(description="The photo in whose pixels the geometry is given.")
+    support: Fraction = Field(description="How well its surroundings support the change.")
+    at_border: bool = Field(description="It lies along what the other photo does not show.")
 
 
 class Changes(BaseModel):
@@ -101,7 +106,8 @@ class Changes(BaseModel):
     preset: str
     settings: dict[str, Any]
     alignment: AlignmentFound
-    changed_fraction: Fraction = Field(description="Of what both photos show.")
+    changed_fraction: Fraction = Field(description="Of what was judged.")
+    judged_fraction: Fraction = Field(description="Of the frame's photo: changed or unchanged.")
     regions: list[ChangedRegion]
     seconds: dict[str, Annotated[float, Field(ge=0)]]
 

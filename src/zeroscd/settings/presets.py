@@ -15,6 +15,7 @@ def _literally(encoder: str, *, side_px: int) -> Settings:
 
 PRESETS: dict[str, Settings] = {
     "lite": Settings(
+        judge="likely",
         change=ChangeSettings(threshold="pair", tau_share=0.475, search_radius=2),
         refine=RefineSettings(
             alpha=0.75,

@@ -177,6 +177,9 @@ class Settings:
     frame: Literal["t0", "t1"] = setting(
         "t1", "the photo in whose pixels the mask is drawn", threshold=True
     )
+    judge: Literal["all", "likely", "sure"] = setting(
+        "all", "which changes are kept, by their support", paper="all", threshold=True
+    )
     align: AlignSettings = field(default_factory=AlignSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)
     segment: SegmentSettings = field(default_factory=SegmentSettings)

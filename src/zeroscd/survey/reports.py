@@ -91,6 +91,8 @@ def _region(change: Mapping[str, Any]) -> Region:
         bbox_xywh=(x, y, width, height),
         polygon_xy=tuple(tuple((x, y) for x, y in ring) for ring in change["polygon_xy"]),
         rle={"size": [change["height"], change["width"]], "counts": change["rle"]},
+        support=change["support"],
+        at_border=change["at_border"],
     )
 
 

@@ -1,0 +1,1 @@
+"""Stage 7: which changes to believe, and where nothing can be said."""
