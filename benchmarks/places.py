@@ -35,9 +35,10 @@ from zeroscd.images.exif import Exif
 from zeroscd.images.read import read_photo
 from zeroscd.retrieval import Nearby, PlaceIndex
 from zeroscd.retrieval import store as store_module
+from zeroscd.retrieval.database import PLACES, REFERENCE
 from zeroscd.retrieval.index import CANDIDATES, RECOGNISED
 from zeroscd.retrieval.rows import Entry
-from zeroscd.retrieval.store import PLACES, REFERENCE, Store
+from zeroscd.retrieval.store import Store
 from zeroscd.settings import Settings
 from zeroscd.survey import compare, match_photos
 

@@ -129,6 +129,30 @@ def test_a_radius_without_a_position_is_refused_and_with_one_finds_nothing(
     assert captured.err == "warning: no old photo within this distance\n"
 
 
+@pytest.mark.parametrize("text", ["inf", "nan", "-1", "1e300"])
+def test_a_radius_is_a_number_of_metres_on_earth(
+    text: str, old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["index", "query", str(old / "b.png"), "--places", places, "--at=1,2"]
+    assert run([*command, f"--within={text}"]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: Invalid value for '--within'")
+    assert captured.err.count("\n") == 1
+
+
+def test_a_folder_that_moved_is_said_to_have_moved(
+    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    moved = old.rename(old.with_name("moved"))
+    (moved / "IMG_7.HEIC").touch()
+    assert run(["index", "build", str(moved), "-o", places]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith(
+        "0 photos added, 0 replaced, 0 there already, 3 moved, 1 unreadable\n"
+    )
+    assert "warning: left out 1 photo of a kind that is not read here (IMG_7.HEIC)" in captured.err
+
+
 @pytest.mark.parametrize("text", ["here", "1", "91,0", "0,181", "nan,0", "1,2,3"])
 def test_a_position_is_latitude_and_longitude(
     text: str, old: Path, places: str, capsys: pytest.CaptureFixture[str]

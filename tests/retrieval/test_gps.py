@@ -6,9 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.retrieval.gps import EARTH_M, METRES_A_DEGREE, box_around, metres
+from zeroscd.errors import SettingsError
+from zeroscd.retrieval.gps import EARTH_M, METRES_A_DEGREE, Nearby, box_around, metres
 
 points = st.tuples(st.floats(-89, 89), st.floats(-180, 180))
+
+
+@pytest.mark.parametrize("radius_m", [math.inf, math.nan, 0.0, -3.0])
+def test_a_circle_has_a_radius(radius_m: float) -> None:
+    with pytest.raises(SettingsError, match=r"^no circle has a radius of .* m; give a number"):
+        Nearby((0.0, 0.0), radius_m)
 
 
 def test_a_degree_of_latitude_is_111_kilometres() -> None:

@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Barrier
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,13 +12,12 @@ import pytest
 from zeroscd.errors import DatasetError, ImageError, SettingsError
 from zeroscd.images.exif import Exif
 from zeroscd.retrieval import Nearby, PlaceIndex
-from zeroscd.retrieval import index as module
+from zeroscd.retrieval import build as module
 from zeroscd.retrieval.index import RECOGNISED
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from zeroscd.arrays import Rgb
     from zeroscd.encoders.port import PatchEncoder
@@ -96,6 +98,84 @@ def test_a_photo_given_twice_is_there_once(
     path = save_wall("1.png", 1)
     assert index.add([path, str(path)]).new == 1
     assert len(index) == 1
+
+
+def test_a_folder_that_moved_keeps_its_descriptors(
+    index: PlaceIndex, save_wall: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = [save_wall(f"{seed}.png", seed) for seed in range(3)]
+    index.add(old)
+    moved = old[0].parent.rename(old[0].parent.with_name("moved"))
+    monkeypatch.setattr("zeroscd.retrieval.index.describe", None)  # nothing is described again
+    done = index.add(sorted(moved.iterdir()))
+    assert (done.new, done.changed, done.moved, done.same) == (0, 0, 3, 0)
+    assert len(index) == 3
+    monkeypatch.undo()
+    found = index.query(moved / "1.png", 3)
+    assert {Path(match.path).parent for match in found} == {moved}
+    assert found[0].path == str(moved / "1.png")
+    assert found[0].score == pytest.approx(1.0)
+    done = index.add(sorted(moved.iterdir()))
+    assert (done.moved, done.same) == (0, 3)
+
+
+def test_a_copy_of_a_photo_is_the_same_photo(
+    index: PlaceIndex, save_wall: Callable[..., Path]
+) -> None:
+    original = save_wall("a.png", 1)
+    copy = original.with_name("0 copy.png")
+    copy.write_bytes(original.read_bytes())
+    done = index.add([original, copy])
+    assert (done.new, done.same) == (1, 1)
+    save_wall("a.png", 2)  # the bytes that the index has are now the copy's alone
+    done = index.add([copy, original])
+    assert (done.new, done.changed) == (1, 1)
+    assert [match.path for match in index.query(copy, 2)] == [str(copy), str(original)]
+
+
+def test_two_processes_do_not_store_a_photo_twice(
+    index: PlaceIndex,
+    save_wall: Callable[..., Path],
+    toy_encoder: PatchEncoder,
+    reopen: Callable[..., PlaceIndex],
+) -> None:
+    paths = [save_wall(f"{seed}.png", seed) for seed in range(3)]
+    other = reopen(toy_encoder)
+
+    class Meanwhile:
+        """Another process adds everything when the first photo has been described."""
+
+        def begin(self, total: int) -> None:
+            assert total == 3
+
+        def advance(self, stem: str, *, reused: bool) -> None:
+            if stem == "0.png":
+                assert not reused
+                assert other.add(paths).new == 3
+
+    done = index.add(paths, progress=Meanwhile())
+    assert (done.new, done.same) == (0, 3)
+    assert len(index) == len(reopen(toy_encoder)) == 3
+
+
+def test_writers_at_the_same_time_store_every_photo_once(
+    index: PlaceIndex,
+    save_wall: Callable[..., Path],
+    toy_encoder: PatchEncoder,
+    reopen: Callable[..., PlaceIndex],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "BATCH", 2)
+    paths = [save_wall(f"{seed}.png", seed) for seed in range(7)]
+    start, writers = Barrier(3), [reopen(toy_encoder) for _ in range(3)]
+
+    def add(writer: PlaceIndex) -> int:
+        start.wait()
+        return writer.add(paths).new
+
+    with ThreadPoolExecutor(3) as pool:
+        assert sum(pool.map(add, writers)) == 7
+    assert len(reopen(toy_encoder)) == 7
 
 
 def test_a_stopped_build_keeps_what_was_written(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,12 +8,14 @@ import pytest
 
 from zeroscd.errors import DatasetError, OutputError, SettingsError
 from zeroscd.images.exif import Exif
+from zeroscd.retrieval import database
 from zeroscd.retrieval import store as module
+from zeroscd.retrieval.database import is_index
 from zeroscd.retrieval.describe import Place
-from zeroscd.retrieval.gps import metres
+from zeroscd.retrieval.gps import Nearby, metres
 from zeroscd.retrieval.local_descriptors import CODE_BITS, LocalDescriptors
-from zeroscd.retrieval.rows import Entry
-from zeroscd.retrieval.store import Nearby, Store, is_index
+from zeroscd.retrieval.rows import Entry, to_rows
+from zeroscd.retrieval.store import Store
 
 pytest.importorskip("lancedb")
 
@@ -133,6 +136,43 @@ def test_past_a_size_searches_are_approximate_and_still_find(
     }
 
 
+def test_a_rebuild_removes_what_is_there_twice(store: Store, tmp_path: Path) -> None:
+    there = tmp_path / "there.jpg"
+    there.touch()
+    first, second = entry(1), entry(2)
+    for double in (
+        [first, second],
+        [replace(first, path=str(there))],  # the same bytes, where they lie now
+        [replace(second, digest="another")],  # the same path
+    ):
+        # As two processes of an older version wrote, which did not lock.
+        store._table.add(to_rows(double, store._table.schema))
+    assert len(store) == 4
+    assert store.heal() == {str(there): first.digest, second.path: second.digest}
+    assert len(store) == 2
+    assert store.known() == store.heal()
+
+
+def read_all(address: str) -> None:
+    again = Store.open(address)
+    assert again.reference
+    again.nearest(entry(1).place.vector, 1)
+
+
+@pytest.mark.parametrize("table", ["places", "reference"])
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_damaged_index_is_one_line(store: Store, address: str, table: str, share: float) -> None:
+    store.put([entry(1)])
+    for path in (Path(address) / f"{table}.lance" / "data").iterdir():
+        content = path.read_bytes()
+        path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(
+        DatasetError, match=r"^cannot read the place index .*; build it again in another folder$"
+    ) as caught:
+        read_all(address)
+    assert "\n" not in str(caught.value)
+
+
 def test_an_empty_index_finds_nothing(store: Store) -> None:
     assert store.nearest(entry(1).place.vector, 5) == []
     assert store.known() == {}
@@ -159,7 +199,7 @@ def test_an_index_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 def test_without_lancedb_one_learns_what_to_install(
     address: str, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "find_spec", lambda _: None)
+    monkeypatch.setattr(database, "find_spec", lambda _: None)
     with pytest.raises(SettingsError, match=r"pip install 'zeroscd\[places\]'"):
         Store.open(address)
 

@@ -13,7 +13,7 @@ from zeroscd.retrieval.index import PlaceMatch
 from zeroscd.survey.matching import MatchRules, PhotoMatch, match_photo
 
 if TYPE_CHECKING:
-    from zeroscd.retrieval.store import Nearby
+    from zeroscd.retrieval.gps import Nearby
 
 
 def match(path: str, score: float) -> PlaceMatch:

@@ -11,7 +11,7 @@ import typer
 from zeroscd.cli.batch import warn_unread
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import Device, Overrides, Places, Within, parse_overrides
-from zeroscd.errors import SettingsError
+from zeroscd.errors import DatasetError, SettingsError
 from zeroscd.output import check_target
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def build(
     warn_unread(files.unread)
     say(
         f"{done.new} photos added, {done.changed} replaced, {done.same} there already, "
+        f"{f'{done.moved} moved, ' if done.moved else ''}"
         f"{len(done.failed) + len(files.unread)} unreadable"
     )
     say(f"places: {out} ({len(index)} photos)")
@@ -152,11 +153,14 @@ def open_or_create(address: str, wanted: Settings | None, *, device: str) -> Pla
     if "://" not in address:
         check_target(Path(address))
     from zeroscd.retrieval import PlaceIndex
-    from zeroscd.retrieval.store import is_index
+    from zeroscd.retrieval.database import is_index
 
-    if is_index(address):
-        return PlaceIndex.open(address, settings=wanted, device=device)
-    return PlaceIndex.create(address, settings=wanted, device=device)
+    if not is_index(address):
+        try:
+            return PlaceIndex.create(address, settings=wanted, device=device)
+        except DatasetError:  # another process has made it meanwhile
+            pass
+    return PlaceIndex.open(address, settings=wanted, device=device)
 
 
 def wanted_settings(preset: str | None, overrides: list[str] | None) -> Settings | None:

@@ -30,7 +30,12 @@ Places = Annotated[
 ]
 Within = Annotated[
     float | None,
-    typer.Option(min=0.1, metavar="METRES", help="Only photos taken within this distance."),
+    typer.Option(
+        min=0.1,
+        max=20_100_000,  # half way around the Earth
+        metavar="METRES",
+        help="Only photos taken within this distance.",
+    ),
 ]
 FailOnError = Annotated[
     bool, typer.Option("--fail-on-error", help="Exit with 2 if any pair could not be compared.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
@@ -107,6 +108,17 @@ def unread_warning(unread: Sequence[str]) -> str | None:
     heic = any(PurePosixPath(name).suffix.lower() in heif.SUFFIXES for name in unread)
     hint = f", or for HEIC {heif.HINT}" if heic else ""
     return f"left out {photos} that {verb} not read here ({named}{more}); convert to JPEG{hint}"
+
+
+def is_below(path: str, folders: Iterable[str]) -> bool:
+    """Return whether a path is one of some folders or below it, however accents are composed.
+
+    Example:
+        >>> is_below("/old/elm/1.jpg", ["/oak", "/old/elm"]), is_below("/old/elms", ["/old/elm"])
+        (True, False)
+    """
+    composed = Path(unicodedata.normalize("NFC", path))
+    return any(composed.is_relative_to(unicodedata.normalize("NFC", f)) for f in folders)
 
 
 def absolute(path: str | Path) -> str:

@@ -7,7 +7,7 @@ index.add(["2019/elm.jpg", "2019/oak.jpg"])
 matches = index.query("today/elm.jpg")
 """
 
+from zeroscd.retrieval.gps import Nearby
 from zeroscd.retrieval.index import PlaceIndex, PlaceMatch
-from zeroscd.retrieval.store import Nearby
 
 __all__ = ["Nearby", "PlaceIndex", "PlaceMatch"]

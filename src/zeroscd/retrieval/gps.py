@@ -3,10 +3,50 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+
+from zeroscd.errors import SettingsError
 
 EARTH_M = 6_371_008.8  # mean radius (IUGG)
 METRES_A_DEGREE = math.pi * EARTH_M / 180
 NEAR_POLE = 89.9  # degrees; nearer to a pole every longitude is near
+
+
+@dataclass(frozen=True, slots=True)
+class Nearby:
+    """A circle to search.
+
+    Attributes:
+        centre: Latitude and longitude in degrees.
+        radius_m: In metres along the ground.
+
+    Raises:
+        SettingsError: The radius is no positive number.
+    """
+
+    centre: tuple[float, float]
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.radius_m) and self.radius_m > 0):
+            message = (
+                f"no circle has a radius of {self.radius_m:g} m; "
+                "give a number of metres, or leave out --within"
+            )
+            raise SettingsError(message)
+
+    def holds(self, position: tuple[float, float] | None) -> bool:
+        """Return whether a position is known and in the circle."""
+        return position is not None and metres(position, self.centre) <= self.radius_m
+
+    def where(self) -> str:
+        """Return an SQL condition on latitude and longitude: a box around the circle."""
+        south, north, west, east = box_around(self.centre, self.radius_m)
+        operator = "AND" if west <= east else "OR"
+        return (
+            f"latitude BETWEEN {south!r} AND {north!r} "
+            f"AND (longitude >= {west!r} {operator} longitude <= {east!r})"
+        )
 
 
 def metres(a: tuple[float, float], b: tuple[float, float]) -> float:

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from zeroscd.errors import DatasetError, ImageError
+from zeroscd.errors import DatasetError
 from zeroscd.images.exif import Exif, read_exif
 from zeroscd.images.folder import absolute
 from zeroscd.images.read import read_file, read_photo
 from zeroscd.models import load_encoder
 from zeroscd.progress import Silent
+from zeroscd.retrieval.build import Builder
 from zeroscd.retrieval.compatibility import (
     about,
     check_compatibility,
     describe_reference,
     settings_from,
 )
+from zeroscd.retrieval.database import is_index
 from zeroscd.retrieval.describe import describe
 from zeroscd.retrieval.gps import metres
 from zeroscd.retrieval.rerank import geometric_score
-from zeroscd.retrieval.rows import Entry
-from zeroscd.retrieval.store import Store, is_index
+from zeroscd.retrieval.store import Store
 from zeroscd.settings import Settings
-from zeroscd.text import is_text, one_line
+from zeroscd.text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -33,10 +33,11 @@ if TYPE_CHECKING:
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.images.read import PhotoSource
     from zeroscd.progress import Progress
+    from zeroscd.retrieval.build import Added
     from zeroscd.retrieval.describe import Place
-    from zeroscd.retrieval.store import Nearby
+    from zeroscd.retrieval.gps import Nearby
+    from zeroscd.retrieval.rows import Entry
 
-BATCH = 64  # photos described between two writes; a kill loses no more
 CANDIDATES = 30  # re-ranked by their patches (docs/places.md)
 # Score from which two photos count as of one place: wrong streets stay below (docs/places.md).
 RECOGNISED = 0.012
@@ -62,23 +63,6 @@ class PlaceMatch:
     similarity: float
     metres: float | None
     exif: Exif
-
-
-@dataclass(slots=True, kw_only=True)
-class Added:
-    """What `PlaceIndex.add` did.
-
-    Attributes:
-        new: Number of photos that were not in the index.
-        changed: Number of photos whose file has changed.
-        same: Number of photos that were in the index already.
-        failed: Reasons why photos could not be added, by path.
-    """
-
-    new: int = 0
-    changed: int = 0
-    same: int = 0
-    failed: dict[str, str] = field(default_factory=dict)
 
 
 class PlaceIndex:
@@ -159,7 +143,10 @@ class PlaceIndex:
         return len(self._store)
 
     def add(self, paths: Sequence[str | Path], *, progress: Progress | None = None) -> Added:
-        """Add photos that are new or have changed; a killed run loses at most `BATCH` photos.
+        """Add photos that are new or have changed; a killed run loses few (`build.BATCH`).
+
+        The bytes of a photo are stored once: copies are not added, and photos that have moved keep
+        their descriptors. Entries that are there twice are removed.
 
         Args:
             paths: Of files; made absolute.
@@ -168,20 +155,18 @@ class PlaceIndex:
         Raises:
             OutputError: The index cannot be written.
         """
-        listener, done, known = progress or Silent(), Added(), self._store.known()
-        listener.begin(len(paths))
-        waiting: list[Entry] = []
-        for path in dict.fromkeys(absolute(path) for path in paths):
-            entry = self._take(path, known.get(path), done)
-            waiting += [entry] if entry else []
-            if len(waiting) == BATCH:
-                self._write(waiting, known)
-                waiting = []
-            listener.advance(Path(path).name, reused=entry is None)
-        self._write(waiting, known)
-        if done.new or done.changed:
+        builder = Builder(self._store, self._describe_file)
+        listener = progress or Silent()
+        unique = dict.fromkeys(absolute(path) for path in paths)
+        listener.begin(len(unique))
+        for path in sorted(unique, key=lambda path: not builder.knows(path)):
+            described = builder.add(path)
+            listener.advance(Path(path).name, reused=not described)
+        builder.write()
+        added = builder.added
+        if added.new or added.changed or added.moved:
             self._store.tidy()
-        return done
+        return added
 
     def remove(self, paths: Iterable[str | Path]) -> int:
         """Remove photos, or all photos below folders; return how many were removed.
@@ -198,7 +183,7 @@ class PlaceIndex:
             ImageError: It cannot be read.
         """
         if isinstance(photo, str | Path):
-            return self._describe_file(read_file(photo), name=str(photo), exif=exif)
+            return self._describe_file(read_file(photo), str(photo), exif=exif)
         if isinstance(photo, bytes):
             return self._describe_file(photo, exif=exif)
         return describe(read_photo(photo), self._encoder, exif=exif)
@@ -240,35 +225,11 @@ class PlaceIndex:
         """Return a description of the index, as plain values."""
         return self._store.info()
 
-    def _take(self, path: str, known: str | None, done: Added) -> Entry | None:
-        """Describe a photo that is new or changed, and count it."""
-        if not is_text(path):
-            done.failed[path] = f"{one_line(path)} is not a UTF-8 name; rename it"
-            return None
-        try:
-            content = read_file(path)
-            digest = hashlib.sha256(content).hexdigest()
-            if digest == known:
-                done.same += 1
-                return None
-            place = self._describe_file(content, name=path)
-        except ImageError as error:
-            done.failed[path] = str(error)
-            return None
-        done.new += known is None
-        done.changed += known is not None
-        return Entry(path, digest, place)
-
     def _describe_file(
-        self, content: bytes, *, name: str | None = None, exif: Exif | None = None
+        self, content: bytes, name: str | None = None, *, exif: Exif | None = None
     ) -> Place:
         photo = read_photo(content, name=name)
         return describe(photo, self._encoder, exif=exif or read_exif(content))
-
-    def _write(self, entries: list[Entry], known: dict[str, str]) -> None:
-        if entries:
-            self._store.remove([entry.path for entry in entries if entry.path in known])
-            self._store.put(entries)
 
 
 def _match(place: Place, entry: Entry, cosine: float, *, rerank: bool) -> PlaceMatch:

@@ -3,53 +3,46 @@
 from __future__ import annotations
 
 import math
-import re
+import os
+from collections import Counter
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import timedelta
-from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zeroscd.errors import DatasetError, OutputError, SettingsError, ZeroscdError
+from zeroscd.errors import DatasetError
 from zeroscd.fingerprint import digest_values
-from zeroscd.images.folder import absolute
-from zeroscd.retrieval.gps import box_around, metres
+from zeroscd.images.folder import absolute, is_below
+from zeroscd.retrieval.database import (
+    PLACES,
+    REFERENCE,
+    batches,
+    connect,
+    is_in,
+    is_index,
+    read_errors,
+    write_errors,
+    write_lock,
+)
 from zeroscd.retrieval.rows import Entry, about_of, schema_of, to_entry, to_rows
 from zeroscd.text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from contextlib import AbstractContextManager
+    from pathlib import Path
 
     import numpy as np
     from lancedb.table import Table
     from numpy.typing import NDArray
 
     from zeroscd.retrieval.describe import Place
+    from zeroscd.retrieval.gps import Nearby
 
-PLACES, REFERENCE = "places", "reference"
-PATHS_AT_ONCE = 500  # in one condition
 # Up to here every vector is compared: exact, and fast enough (docs/places.md).
 APPROXIMATE_FROM = 100_000
 REFINE_FACTOR = 10  # times as many candidates as asked for are compared again exactly
 N_PROBES = 40  # cells of the approximate index that are searched
 KMEANS_ITERATIONS = 10  # for the cells; few suffice, as candidates are compared again exactly
-RUST_SOURCE = re.compile(r", \S+\.rs:\d+:\d+$")  # LanceDB's messages end with its source line
 KEEP_VERSIONS = timedelta(days=1)  # replaced data, for surveys that have the index open
-
-
-@dataclass(frozen=True, slots=True)
-class Nearby:
-    """Only places within a radius.
-
-    Attributes:
-        centre: Latitude and longitude in degrees.
-        radius_m: In metres along the ground.
-    """
-
-    centre: tuple[float, float]
-    radius_m: float
 
 
 class Store:
@@ -58,7 +51,7 @@ class Store:
     def __init__(self, table: Table, reference: Table, address: str) -> None:
         self._table = table
         self._reference = reference
-        self._address = one_line(address)
+        self._address = address
 
     @classmethod
     def create(cls, address: str, about: Mapping[str, Any], reference: Place) -> Store:
@@ -70,12 +63,16 @@ class Store:
             reference: The reference photo, described by the index's encoder.
 
         Raises:
+            DatasetError: There is an index already.
             OutputError: It cannot be written.
             SettingsError: LanceDB is not installed.
         """
         schema = schema_of(len(reference.vector), about)
-        with _writing(address):
-            database = _connect(address)
+        with write_errors(address), write_lock(address):
+            if is_index(address):
+                message = f"{one_line(address)} is a place index already; open it to add photos"
+                raise DatasetError(message)
+            database = connect(address)
             database.drop_table(REFERENCE, ignore_missing=True)  # of a killed creation
             reference_table = database.create_table(REFERENCE, schema=schema)
             reference_table.add(to_rows([Entry(REFERENCE, "", reference)], schema))
@@ -87,7 +84,7 @@ class Store:
         """Open an index.
 
         Raises:
-            DatasetError: There is none.
+            DatasetError: There is none, or it is damaged.
             SettingsError: LanceDB is not installed.
         """
         if not is_index(address):
@@ -96,41 +93,100 @@ class Store:
                 "make one: zeroscd index build PHOTOS -o PLACES"
             )
             raise DatasetError(message)
-        with _own_errors(f"cannot read the place index {one_line(address)}", DatasetError):
-            database = _connect(address)
+        with read_errors(address):
+            database = connect(address)
             return cls(database.open_table(PLACES), database.open_table(REFERENCE), address)
 
     def __len__(self) -> int:
-        return int(self._table.count_rows())
+        with read_errors(self._address):
+            return int(self._table.count_rows())
 
     @property
     def about(self) -> dict[str, Any]:
         """The plain values that the index was made with."""
-        return about_of(self._reference.schema)
+        with read_errors(self._address):
+            return about_of(self._reference.schema)
 
     @property
     def reference(self) -> Place:
         """The reference photo as it was described when the index was made."""
-        return to_entry(self._reference.to_arrow().to_pylist()[0]).place
+        with read_errors(self._address):
+            return to_entry(self._reference.to_arrow().to_pylist()[0]).place
 
     @property
     def approximate(self) -> bool:
         """Whether searches without a radius are approximate."""
-        return bool(list(self._table.list_indices()))
+        with read_errors(self._address):
+            return bool(list(self._table.list_indices()))
 
     def known(self) -> dict[str, str]:
         """Return the digests of all photos, by path."""
-        columns = self._table.search().select(["path", "digest"]).limit(len(self)).to_arrow()
-        return dict(zip(*(columns[name].to_pylist() for name in ("path", "digest")), strict=True))
+        return {row["path"]: row["digest"] for row in self._columns()}
 
-    def put(self, entries: Sequence[Entry]) -> None:
-        """Add photos whose paths are not in it.
+    def heal(self) -> dict[str, str]:
+        """Remove entries whose path or bytes are there twice; return `known` of the others.
+
+        Of equal photos the one stays whose file is still there.
+
+        Raises:
+            OutputError: The index cannot be written.
+        """
+        with self._writing():
+            rows = self._columns()
+            counts = Counter(row["digest"] for row in rows)
+            doubles: list[int] = []
+            kept: dict[str, str] = {}
+            digests: set[str] = set()
+            # Stable: gone files after those that are there, else in the index's order.
+            for row in sorted(rows, key=lambda row: counts[row["digest"]] > 1 and _is_gone(row)):
+                if row["path"] in kept or row["digest"] in digests:
+                    doubles.append(row["_rowid"])
+                else:
+                    kept[row["path"]] = row["digest"]
+                    digests.add(row["digest"])
+            for some in batches(doubles):
+                self._table.delete(f"_rowid IN ({', '.join(map(str, some))})")
+        return kept
+
+    def put(self, entries: Sequence[Entry]) -> int:
+        """Add photos, in place of entries of the same path.
+
+        Photos whose bytes are in the index by now, for another process has added them, are not
+        added again.
+
+        Returns:
+            The number of photos not added.
 
         Raises:
             OutputError: It cannot be written.
         """
-        with _writing(self._address):
-            self._table.add(to_rows(entries, self._table.schema))
+        with self._writing():
+            there = self._remaining_digests(entries)
+            new = [entry for entry in entries if entry.digest not in there]
+            self._delete([entry.path for entry in new])
+            if new:
+                self._table.add(to_rows(new, self._table.schema))
+        return len(entries) - len(new)
+
+    def move(self, paths: Mapping[str, str]) -> None:
+        """Give entries new paths.
+
+        Args:
+            paths: The new path of each old one.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        with self._writing():
+            for some in batches([*paths]):
+                search = self._table.search().where(is_in("path", some))
+                rows = search.limit(len(self)).to_arrow()
+                column = rows.schema.get_field_index("path")
+                moved = rows.set_column(
+                    column, "path", [[paths[p] for p in rows["path"].to_pylist()]]
+                )
+                self._delete([*some, *(paths[path] for path in some)])
+                self._table.add(moved.cast(self._table.schema))
 
     def remove(self, paths: Sequence[str]) -> None:
         """Remove photos; paths that are not in the index are ignored.
@@ -138,10 +194,34 @@ class Store:
         Raises:
             OutputError: It cannot be written.
         """
-        with _writing(self._address):
-            for start in range(0, len(paths), PATHS_AT_ONCE):
-                listed = ", ".join(map(_quoted, paths[start : start + PATHS_AT_ONCE]))
-                self._table.delete(f"path IN ({listed})")
+        with self._writing():
+            self._delete(paths)
+
+    def _delete(self, paths: Sequence[str]) -> None:
+        for some in batches(paths):
+            self._table.delete(is_in("path", some))
+
+    def _remaining_digests(self, entries: Sequence[Entry]) -> set[str]:
+        """Return which of some photos are there, but for those that others will replace."""
+        new = {entry.path: entry.digest for entry in entries}
+        search = self._table.search().where(is_in("digest", new.values()))
+        rows = search.select(["path", "digest"]).limit(len(self)).to_list()
+        return {
+            row["digest"] for row in rows if new.get(row["path"], row["digest"]) == row["digest"]
+        }
+
+    def _columns(self) -> list[dict[str, Any]]:
+        """Return path, digest and row number of every entry."""
+        with read_errors(self._address):
+            search = self._table.search().select(["path", "digest"]).with_row_id(with_row_id=True)
+            return list(search.limit(len(self)).to_arrow().to_pylist())
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Be the only process that writes, and see what others wrote before."""
+        with write_errors(self._address), write_lock(self._address):
+            self._table.checkout_latest()  # type: ignore[no-untyped-call]
+            yield
 
     def remove_below(self, paths: Iterable[str | Path]) -> int:
         """Remove photos, or all photos below folders; return how many were removed.
@@ -149,12 +229,8 @@ class Store:
         Raises:
             OutputError: It cannot be written.
         """
-        unwanted = [Path(absolute(path)) for path in paths]
-        removed = [
-            known
-            for known in self.known()
-            if any(Path(known).is_relative_to(path) for path in unwanted)
-        ]
+        folders = [absolute(path) for path in paths]
+        removed = [known for known in self.known() if is_below(known, folders)]
         self.remove(removed)
         return len(removed)
 
@@ -176,7 +252,7 @@ class Store:
         Raises:
             OutputError: It cannot be written.
         """
-        with _writing(self._address):
+        with self._writing():
             if len(self) >= APPROXIMATE_FROM and not self.approximate:
                 self._build_vector_index()
             self._table.optimize(cleanup_older_than=KEEP_VERSIONS)
@@ -198,10 +274,10 @@ class Store:
         if nearby is None:
             return self._search(vector, count, where=None)
         # The table can be filtered by a box; of its entries those outside the circle are dropped.
-        where, limit = _within(nearby), count
+        where, limit = nearby.where(), count
         while True:
             in_box = self._search(vector, limit, where=where)
-            in_circle = [result for result in in_box if _is_near(result[0], nearby)]
+            in_circle = [result for result in in_box if nearby.holds(result[0].place.exif.gps)]
             if len(in_circle) >= count or len(in_box) < limit:
                 return in_circle[:count]
             limit *= 2
@@ -216,66 +292,9 @@ class Store:
             search = search.where(where).bypass_vector_index()
         else:
             search = search.nprobes(N_PROBES).refine_factor(REFINE_FACTOR)
-        return [(to_entry(row), 1.0 - float(row["_distance"])) for row in search.to_list()]
+        with read_errors(self._address):
+            return [(to_entry(row), 1.0 - float(row["_distance"])) for row in search.to_list()]
 
 
-def is_index(address: str) -> bool:
-    """Return whether there is a place index at an address.
-
-    Raises:
-        SettingsError: LanceDB is not installed.
-        DatasetError: The object store cannot be read.
-    """
-    if "://" not in address and not _is_folder(Path(address) / f"{PLACES}.lance"):
-        return False  # connecting would make the folder
-    with _own_errors(f"cannot read the place index {one_line(address)}", DatasetError):
-        return PLACES in _connect(address).list_tables().tables
-
-
-def _is_folder(path: Path) -> bool:
-    """Return False also for a name that is too long for the system."""
-    try:
-        return path.is_dir()
-    except OSError:
-        return False
-
-
-def _connect(address: str) -> Any:  # noqa: ANN401 - LanceDB's connection, imported when needed
-    if find_spec("lancedb") is None:
-        message = "place indexes need LanceDB; run: pip install 'zeroscd[places]'"
-        raise SettingsError(message)
-    import lancedb  # noqa: PLC0415 - a second; only place indexes need it
-
-    return lancedb.connect(address)
-
-
-def _writing(address: str) -> AbstractContextManager[None]:
-    return _own_errors(f"cannot write the place index {one_line(address)}", OutputError)
-
-
-@contextmanager
-def _own_errors(what: str, kind: type[ZeroscdError]) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, RuntimeError, ValueError) as error:  # LanceDB's, for disk and network
-        reason = RUST_SOURCE.sub("", (str(error).splitlines() or [repr(error)])[0])
-        message = f"{what}: {reason}"
-        raise kind(message) from error
-
-
-def _within(nearby: Nearby) -> str:
-    south, north, west, east = box_around(nearby.centre, nearby.radius_m)
-    operator = "AND" if west <= east else "OR"
-    return (
-        f"latitude BETWEEN {south!r} AND {north!r} "
-        f"AND (longitude >= {west!r} {operator} longitude <= {east!r})"
-    )
-
-
-def _is_near(entry: Entry, nearby: Nearby) -> bool:
-    gps = entry.place.exif.gps
-    return gps is not None and metres(gps, nearby.centre) <= nearby.radius_m
-
-
-def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"
+def _is_gone(row: Mapping[str, Any]) -> bool:
+    return not os.path.lexists(row["path"])

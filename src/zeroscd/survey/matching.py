@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from zeroscd.errors import ImageError
 from zeroscd.images.folder import absolute
 from zeroscd.renamed import renamed_fields
+from zeroscd.retrieval.gps import Nearby
 from zeroscd.retrieval.index import RECOGNISED
-from zeroscd.retrieval.store import Nearby
 
 if TYPE_CHECKING:
     from zeroscd.retrieval.index import PlaceIndex, PlaceMatch
