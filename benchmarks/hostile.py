@@ -68,9 +68,12 @@ def _kinds(photo: bytes) -> Iterator[tuple[str, Callable[[random.Random], Any]]]
             "settings": (None, rng.choice(["[" * 50_000, '{"alpha":1e999}', '{"encoder":"x"}'])),
         },
     )
-    yield "slow head", lambda _: b"POST /v1/detect HTTP/1.1\r\nHost: x\r\n" + b"X-A: b\r\n" * 900
+    yield (
+        "slow head",
+        lambda _: b"POST /v1/detect HTTP/1.1\r\nHost: localhost\r\n" + b"X-A: b\r\n" * 900,
+    )
     begun = (
-        b"POST /v1/detect HTTP/1.1\r\nHost: x\r\n"
+        b"POST /v1/detect HTTP/1.1\r\nHost: localhost\r\n"
         b"Content-Type: multipart/form-data; boundary=b\r\nContent-Length: 900\r\n\r\n"
         b'--b\r\nContent-Disposition: form-data; name="before"; filename="x"\r\n\r\n'
     )

@@ -50,6 +50,11 @@ def test_a_path_prefix_loses_its_last_slash(plans: list[Plan]) -> None:
     assert plans[0].root_path == "/zeroscd"
 
 
+def test_names_of_the_server_are_read_in_any_spelling(plans: list[Plan]) -> None:
+    assert run(["serve", "--allow-host", "City.example", "--allow-host", "b.example."]) == 0
+    assert plans[0].allowed_hosts == ["city.example", "b.example"]
+
+
 def test_keys_come_from_the_environment_and_are_never_shown(
     plans: list[Plan], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -66,6 +71,7 @@ def test_keys_come_from_the_environment_and_are_never_shown(
         (["--api-key-env", "NO_SUCH_NAME"], "NO_SUCH_NAME"),
         (["--preset", "nope"], "unknown preset 'nope'"),
         (["--port", "70000"], "65535"),
+        (["--allow-host", "https://a.example"], "--allow-host 'https://a.example' is no plain"),
         (["--root-path", "//evil.example"], "--root-path '//evil.example' is not a plain path"),
     ],
 )

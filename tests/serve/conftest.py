@@ -153,9 +153,9 @@ def start(
     """Start a toy server in this process; its state survives a second start."""
     running: list[tuple[TestClient, HeldEncoder]] = []
 
-    def begin(limits: Limits = TIGHT, keys: Sequence[str] = (), root_path: str = "") -> Served:
+    def begin(limits: Limits = TIGHT, **options: Any) -> Served:
         service, encoder = make_service(limits)
-        app = make_app(service, tmp_path, keys=keys, root_path=root_path)
+        app = make_app(service, tmp_path, **options)
         client = TestClient(app, raise_server_exceptions=False)
         client.__enter__()
         running.append((client, encoder))

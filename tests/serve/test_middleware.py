@@ -144,7 +144,7 @@ def test_whoever_talks_on_still_hears_why_and_is_not_answered_twice(
     live: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connection, "HEAD_SECONDS", 0.1)
-    late = [b"X: y\r\n"] * 15 + [b"Host: x\r\n\r\n"]
+    late = [b"X: y\r\n"] * 15 + [b"Host: localhost\r\n\r\n"]
     heard = spoken(live, b"GET /healthz HTTP/1.1\r\n", *late, pause=0.02)
     assert heard.startswith(b"HTTP/1.1 408")
     assert heard.count(b"HTTP/1.1") == 1
@@ -161,7 +161,7 @@ def test_a_second_request_is_not_waited_for_either(
     live: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connection, "HEAD_SECONDS", 0.3)
-    whole = b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n"
+    whole = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
     heard = spoken(live, whole, b"GET /healthz HT")
     assert heard.startswith(b"HTTP/1.1 200")
     assert b"HTTP/1.1 408" in heard
@@ -169,7 +169,7 @@ def test_a_second_request_is_not_waited_for_either(
 
 def test_a_body_that_trickles_is_not_waited_for(live: str) -> None:
     head = (
-        b"POST /v1/detect HTTP/1.1\r\nHost: x\r\nContent-Length: 5000\r\n"
+        b"POST /v1/detect HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5000\r\n"
         b"Content-Type: multipart/form-data; boundary=b\r\n\r\n--b"
     )
     heard = spoken(live, head, b"\r\n")
@@ -179,7 +179,7 @@ def test_a_body_that_trickles_is_not_waited_for(live: str) -> None:
 
 def test_a_client_that_asks_first_sends_nothing_in_vain(live: str) -> None:
     head = (
-        b"POST /v1/detect HTTP/1.1\r\nHost: x\r\nContent-Length: 99000000\r\n"
+        b"POST /v1/detect HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99000000\r\n"
         b"Content-Type: multipart/form-data; boundary=b\r\n"
     )
     heard = spoken(live, head + b"Expect: 100-continue\r\n\r\n")

@@ -40,6 +40,10 @@ def serve(
             help="Path below which a proxy publishes the server, such as /zeroscd.",
         ),
     ] = "",
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Host name that a proxy publishes; may be repeated."),
+    ] = None,
 ) -> None:
     """Serve a page for the browser, and a REST interface for programs.
 
@@ -72,6 +76,7 @@ def serve(
             state=state or default_state(),
             limits=Limits(),
             root_path=prefix,
+            allowed_hosts=read_hosts(allow_host or []),
         ),
         ready=lambda address: say(f"listening at {address} (Ctrl+C stops)"),
     )
@@ -87,6 +92,24 @@ def require_installed() -> None:
     if missing:
         message = f"serve needs {missing[0].replace('_', '-')}; run: pip install 'zeroscd[serve]'"
         raise SettingsError(message)
+
+
+def read_hosts(texts: list[str]) -> list[str]:
+    """Read host names as the operator gives them.
+
+    Raises:
+        SettingsError: One is not a plain name.
+    """
+    from zeroscd.serve.cross_site import as_host
+
+    hosts = []
+    for text in texts:
+        host = as_host(text)
+        if host is None:
+            message = f"--allow-host {text!r} is no plain host name; write it like city.example"
+            raise SettingsError(message)
+        hosts.append(host)
+    return hosts
 
 
 def read_keys(names: list[str]) -> list[str]:

@@ -15,8 +15,10 @@ from fastapi.openapi.utils import get_openapi
 from zeroscd import __version__
 from zeroscd.serve import comparison_routes, health, job_routes, page, problems, rest
 from zeroscd.serve.comparison import Comparisons
+from zeroscd.serve.cross_site import CrossSiteCheck
 from zeroscd.serve.job_runner import JobRunner
 from zeroscd.serve.job_store import JobStore
+from zeroscd.serve.keys import OPEN_PATHS, KeyCheck
 from zeroscd.serve.middleware import Middleware
 from zeroscd.serve.path_prefix import PathPrefix
 from zeroscd.serve.schemas import ProblemDocument
@@ -39,7 +41,12 @@ DESCRIPTION = (
 
 
 def make_app(
-    service: Service, state: Path, *, keys: Sequence[str] = (), root_path: str = ""
+    service: Service,
+    state: Path,
+    *,
+    keys: Sequence[str] = (),
+    root_path: str = "",
+    allowed_hosts: Sequence[str] = (),
 ) -> ASGIApp:
     """Build the server.
 
@@ -48,6 +55,7 @@ def make_app(
         state: Folder for the jobs' database; no other server may use it.
         keys: If any, every request must bring one of them.
         root_path: Path prefix under which a proxy publishes the server, such as "/zeroscd".
+        allowed_hosts: Names under which it may be asked, as `as_host` returns them.
 
     Raises:
         OutputError: The jobs' database cannot be opened.
@@ -83,8 +91,9 @@ def make_app(
         if path in ("/v1/detect", "/v1/comparisons"):
             service.worker.admit()
 
+    checks = (CrossSiteCheck(allowed_hosts), KeyCheck(keys))  # browsers send passwords unasked
     checked = Middleware(
-        app, limits=service.limits, keys=keys, metrics=service.metrics, admit=admit
+        app, limits=service.limits, checks=checks, metrics=service.metrics, admit=admit
     )
     return PathPrefix(checked, root_path)
 
@@ -105,7 +114,7 @@ def _lifespan(
             task.cancel()
             with suppress(asyncio.CancelledError):
                 await task
-        await asyncio.to_thread(service.worker.stop)
+        await asyncio.to_thread(service.stop)
         store.close()
 
     return lifespan
@@ -154,18 +163,23 @@ def _document(app: FastAPI, *, with_keys: bool) -> dict[str, Any]:
     schemas["ProblemDocument"] = ProblemDocument.model_json_schema()
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
-    if not with_keys:
-        return found
-    found["components"]["securitySchemes"] = {
-        "key": {"type": "apiKey", "in": "header", "name": "X-API-Key"},
-        "bearer": {"type": "http", "scheme": "bearer"},
-    }
-    for path, operations in found["paths"].items():
-        if path in ("/healthz", "/readyz"):
-            continue
-        for operation in operations.values():
-            operation["security"] = [{"key": []}, {"bearer": []}]
-            operation["responses"].update(
-                {str(status): entry for status, entry in problems.described(401).items()}
-            )
+    _describe_refusals(found, with_keys=with_keys)
     return found
+
+
+def _describe_refusals(found: dict[str, Any], *, with_keys: bool) -> None:
+    """Add what the checks before every request may answer."""
+    if with_keys:
+        found["components"]["securitySchemes"] = {
+            "key": {"type": "apiKey", "in": "header", "name": "X-API-Key"},
+            "bearer": {"type": "http", "scheme": "bearer"},
+        }
+    for path, operations in found["paths"].items():
+        needs_key = with_keys and path not in OPEN_PATHS
+        statuses = (401, 403) if needs_key else (403,)
+        for operation in operations.values():
+            if needs_key:
+                operation["security"] = [{"key": []}, {"bearer": []}]
+            operation["responses"].update(
+                {str(status): entry for status, entry in problems.described(*statuses).items()}
+            )

@@ -66,7 +66,7 @@ def _add_comparisons(routes: APIRouter, service: Service, comparisons: Compariso
         """Queue a pair and return at once; ask for its status, then move its thresholds."""
         request = _request(service, preset, sensitivity, parse_values(settings, frame))
         photos = PhotoPair(await before.read(), await after.read())
-        check_pair(photos, service)
+        await check_pair(photos, service)
         name, comparison = comparisons.start(photos, request)
         response.headers["Location"] = _address(http_request, name)
         return _shown(http_request, name, comparison, comparisons)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import Form, Header
@@ -44,8 +45,8 @@ RESULT: dict[str, Any] = {
 }
 
 
-def check_pair(photos: PhotoPair, service: Service, *, number: int | None = None) -> None:
-    """Check both files before anything is decoded.
+async def check_pair(photos: PhotoPair, service: Service, *, number: int | None = None) -> None:
+    """Check both files before anything is decoded, outside the event loop.
 
     Args:
         photos: As they were sent.
@@ -57,5 +58,6 @@ def check_pair(photos: PhotoPair, service: Service, *, number: int | None = None
         ImageError: One is damaged.
     """
     of_pair = "" if number is None else f" of pair {number}"
-    check_photo(photos.before, name=f"the photo before{of_pair}", limits=service.limits)
-    check_photo(photos.after, name=f"the photo after{of_pair}", limits=service.limits)
+    for when, data in (("before", photos.before), ("after", photos.after)):
+        name = f"the photo {when}{of_pair}"
+        await service.read_header(partial(check_photo, data, name=name, limits=service.limits))

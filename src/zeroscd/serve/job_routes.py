@@ -122,7 +122,7 @@ async def _pairs(
         for one, other in zip(before, after, strict=True)
     ]
     for number, pair in enumerate(pairs):
-        check_pair(pair, service, number=number)
+        await check_pair(pair, service, number=number)
     return pairs
 
 

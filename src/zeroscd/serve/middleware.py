@@ -1,10 +1,8 @@
-"""What every request passes first: the key, limits on its body, headers of its answer."""
+"""What every request passes first: checks, limits on its body, headers of its answer."""
 
 from __future__ import annotations
 
 import asyncio
-import base64
-import hmac
 from typing import TYPE_CHECKING
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
     from zeroscd.serve.limits import Limits
     from zeroscd.serve.metrics import Metrics
 
-OPEN_PATHS = ("/healthz", "/readyz")  # for probes, which have no key
 MAX_DRAINED = 8  # times the limit: how much of a body that is too large is read and dropped
 
 # Scripts and styles come from our own files, and the page talks to this server only. `blob:` is
@@ -37,7 +34,7 @@ class Middleware:
     Args:
         app: Handles the requests that pass.
         limits: For sizes and times.
-        keys: If any, every request must bring one of them.
+        checks: Called with the scope; the first to return a problem refuses the request.
         metrics: Counts the answers.
         admit: Called with the path; raises Problem while the queue for it is full.
     """
@@ -47,13 +44,13 @@ class Middleware:
         app: ASGIApp,
         *,
         limits: Limits,
-        keys: Sequence[str],
+        checks: Sequence[Callable[[Scope], Problem | None]],
         metrics: Metrics,
         admit: Callable[[str], None],
     ) -> None:
         self._app = app
         self._limits = limits
-        self._keys = [key.encode() for key in keys]
+        self._checks = checks
         self._metrics = metrics
         self._admit = admit
 
@@ -63,29 +60,12 @@ class Middleware:
             await self._app(scope, receive, send)
             return
         send_secured = self._with_headers(scope, send)
-        refusal = self._refusal(scope)
+        refusal = next(filter(None, (check(scope) for check in self._checks)), None)
         if refusal is not None:
             await answer(refusal)(scope, receive, send_secured)
             return
         body = Body(scope, receive, self._limits, self._admit)
         await self._app(scope, body.receive, send_secured)
-
-    def _refusal(self, scope: Scope) -> Problem | None:
-        path = local_path(scope)
-        if path in OPEN_PATHS or not self._keys or self._has_key(Headers(scope=scope)):
-            return None
-        challenge = "Bearer" if path.startswith("/v1/") else 'Basic realm="zeroscd"'
-        message = (
-            "send a key as `Authorization: Bearer KEY` or `X-API-Key: KEY`; "
-            "in a browser, give it as the password"
-        )
-        return Problem(
-            Kind.NO_KEY, message, headers={"WWW-Authenticate": challenge, "Connection": "close"}
-        )
-
-    def _has_key(self, headers: Headers) -> bool:
-        given = [_as_sent(headers.get("x-api-key", "")), _credentials(headers)]
-        return any(hmac.compare_digest(one, key) for one in given for key in self._keys)
 
     def _with_headers(self, scope: Scope, send: Send) -> Send:
         async def send_with_headers(message: Message) -> None:
@@ -172,21 +152,3 @@ class Body:
         return Problem(
             Kind.TOO_LARGE, f"the request is larger than {most:.0f} megabytes; send less"
         )
-
-
-def _credentials(headers: Headers) -> bytes:
-    """Return the bearer token, or the password that a browser sends."""
-    scheme, _, value = headers.get("authorization", "").partition(" ")
-    if scheme.lower() == "bearer":
-        return _as_sent(value.strip())
-    if scheme.lower() != "basic":
-        return b""
-    try:
-        return base64.b64decode(value, validate=True).partition(b":")[2]
-    except ValueError:  # not base64, or not even ASCII
-        return b""
-
-
-def _as_sent(value: str) -> bytes:
-    """Return the bytes of a header as the client sent them; the framework reads them as latin-1."""
-    return value.encode("latin-1")

@@ -27,6 +27,7 @@ class Kind(StrEnum):
 
     BAD_REQUEST = "bad-request"
     NO_KEY = "no-key"
+    CROSS_SITE = "cross-site"
     NOT_FOUND = "not-found"
     WRONG_METHOD = "wrong-method"
     NOT_ACCEPTABLE = "not-acceptable"
@@ -47,6 +48,7 @@ class Kind(StrEnum):
 KINDS: dict[Kind, tuple[int, str]] = {
     Kind.BAD_REQUEST: (400, "The request cannot be understood"),
     Kind.NO_KEY: (401, "This server asks for a key"),
+    Kind.CROSS_SITE: (403, "Requests of other sites are refused"),
     Kind.NOT_FOUND: (404, "There is nothing here"),
     Kind.WRONG_METHOD: (405, "This address does not answer that method"),
     Kind.NOT_ACCEPTABLE: (406, "This answer exists as JSON and as PNG only"),

@@ -44,7 +44,7 @@ def router(service: Service) -> APIRouter:
         media = preferred(accept)
         request = service.request(preset, parse_values(settings, frame))
         photos = PhotoPair(await before.read(), await after.read())
-        check_pair(photos, service)
+        await check_pair(photos, service)
         cancel_token = CancelToken()
         task = service.worker.submit(
             lambda: _content(service, photos, request, cancel_token, media)

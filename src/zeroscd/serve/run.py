@@ -40,6 +40,7 @@ class Plan:
         state: Folder for jobs and temporary files.
         limits: Of every request.
         root_path: Path prefix under which a proxy publishes the server; "" for none.
+        allowed_hosts: Names under which it may be asked, beside localhost and IP addresses.
     """
 
     host: str
@@ -50,6 +51,7 @@ class Plan:
     state: Path
     limits: Limits
     root_path: str = ""
+    allowed_hosts: Sequence[str] = ()
 
 
 def serve(plan: Plan, *, ready: Callable[[str], None]) -> None:
@@ -70,7 +72,13 @@ def serve(plan: Plan, *, ready: Callable[[str], None]) -> None:
         tempfile.tempdir = str(clean_spool(plan.state))
         detectors = {name: Detector.from_preset(name, device=plan.device) for name in plan.presets}
         service = Service(detectors, plan.limits)
-        app = make_app(service, plan.state, keys=plan.keys, root_path=plan.root_path)
+        app = make_app(
+            service,
+            plan.state,
+            keys=plan.keys,
+            root_path=plan.root_path,
+            allowed_hosts=plan.allowed_hosts,
+        )
         config = uvicorn.Config(
             app,
             http=TimedConnection,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
@@ -33,6 +34,9 @@ T = TypeVar("T")
 Step: TypeAlias = Literal["wait", "read", "encode", "compare", "decide", "draw"]
 
 POLL_SECONDS = 1.0  # between two checks whether the client is still connected
+# A header takes milliseconds, so few threads do; the pool of asyncio, where the database is asked,
+# stays free of headers that take longer.
+HEADER_THREADS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +72,20 @@ class Service:
         self.detectors = detectors
         self.limits = limits
         self.worker = Worker(max_waiting=limits.waiting)
+        self._headers = ThreadPoolExecutor(HEADER_THREADS, thread_name_prefix="zeroscd-header")
         self.metrics = Metrics()
         self.metrics.watch(
             "zeroscd_waiting", "Requests that wait for the worker", lambda: self.worker.waiting
         )
+
+    async def read_header(self, check: Callable[[], T]) -> T:
+        """Run the check of one photo's header in a thread of its own kind, and wait for it."""
+        return await asyncio.get_running_loop().run_in_executor(self._headers, check)
+
+    def stop(self) -> None:
+        """Finish what runs and drop what waits."""
+        self._headers.shutdown(wait=False, cancel_futures=True)
+        self.worker.stop()
 
     @property
     def default_preset(self) -> str:
