@@ -75,7 +75,7 @@ def all_segments(pair: Pair) -> tuple[Segments, Segments]:
 def segments_around(
     pair: Pair, coarse: tuple[CoarseChange, CoarseChange]
 ) -> tuple[Segments, Segments]:
-    """Ask for segments around coarse change only: no other segment can be flagged."""
+    """Return the segments at coarse change: nearly all that can be flagged (docs/models.md)."""
     return (
         pair.photo_t0.proposals.segments(coarse[0].changed),
         pair.photo_t1.proposals.segments(coarse[1].changed),

@@ -1,9 +1,9 @@
-"""Asking everywhere and asking only at coarse change must end in the same changes."""
+"""Prompting everywhere and only at coarse change: where they agree, and where they do not."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pytest
@@ -13,6 +13,8 @@ from skimage.segmentation import felzenszwalb
 from zeroscd.detector import Detector
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models
+from zeroscd.records import CoarseChange
+from zeroscd.refine.vote import vote
 from zeroscd.segmenters.automatic import AutomaticSegmenter
 from zeroscd.settings import PRESETS, Settings
 
@@ -165,6 +167,92 @@ def test_a_photo_is_encoded_by_the_segmenter_once_for_all_pairs_and_thresholds(
     found.append(detector.decide(back))
     assert all(result.mask.any() for result in found)
     assert sorted(network.encoded) == sorted(network.script)
+
+
+# --- Where they differ --------------------------------------------------------------------------
+
+
+Box: TypeAlias = tuple[int, int, int, int]  # left, top, width, height
+
+
+@dataclass
+class OneMaskAPoint:
+    """Answers the points in a rectangle with a mask and its score; other points with nothing."""
+
+    script: list[tuple[Mask, Mask, float]]  # where, mask, score
+    pred_iou_thresh: float = 0.0
+    cleans_low_res: bool = False
+
+    def embed(self, photo: Rgb) -> PhotoItself:
+        return PhotoItself(photo)
+
+    def predict(self, embedding: PhotoItself, points_xy: np.ndarray) -> tuple[Tensor, Tensor]:
+        columns, rows = np.floor(points_xy).astype(int).T
+        hit = [
+            (mask, score)
+            for row, column in zip(rows, columns, strict=True)
+            for where, mask, score in self.script
+            if where[row, column]
+        ]
+        logits = np.array([np.where(mask, np.float32(5), np.float32(-5)) for mask, _ in hit])
+        return torch.from_numpy(logits.reshape(-1, 128, 128)), torch.tensor([s for _, s in hit])
+
+    def upscale_masks(self, embedding: PhotoItself, logits: Tensor) -> Tensor:
+        return logits
+
+
+def rectangle(left: int, top: int, right: int, bottom: int) -> Mask:
+    mask = np.zeros((128, 128), dtype=bool)
+    mask[top:bottom, left:right] = True
+    return mask
+
+
+def flagged_boxes(
+    script: list[tuple[Mask, Mask, float]], changed: Mask
+) -> tuple[list[Box], list[Box]]:
+    """Boxes of the segments that the vote flags, prompted everywhere and at coarse change."""
+    chosen = Settings(segmenter="scripted").override({"points_per_side": 16}).segment
+    segmenter = AutomaticSegmenter(name="scripted", network=OneMaskAPoint(script), settings=chosen)
+    proposals = segmenter.proposals(np.zeros((128, 128, 3), dtype=np.uint8), ())
+    coarse = CoarseChange(
+        distance=changed.astype(np.float32),
+        changed=changed,
+        unknown=np.zeros_like(changed),
+        tau=0.5,
+    )
+    everything, at_change = (
+        [
+            one.segment.bbox_xywh
+            for one in vote(proposals.segments(roi), coarse, alpha=0.8, partial_segments="whole")
+        ]
+        for roi in (None, changed)
+    )
+    return everything, at_change
+
+
+def test_a_better_mask_from_outside_hides_a_flagged_one_if_prompted_everywhere() -> None:
+    changed = rectangle(40, 40, 80, 80)
+    larger = rectangle(40, 40, 96, 80)  # box IoU .714; .714 of it is coarse change
+    script = [(changed, changed, 0.7), (rectangle(88, 40, 96, 80), larger, 0.9)]
+    assert flagged_boxes(script, changed) == ([], [(40, 40, 40, 40)])
+
+
+def test_a_mask_reached_only_from_an_unchanged_core_is_found() -> None:
+    thing, core = rectangle(32, 32, 92, 92), rectangle(50, 50, 74, 74)
+    script = [(rectangle(56, 56, 72, 72), thing, 0.9)]
+    assert flagged_boxes(script, thing & ~core) == ([(32, 32, 60, 60)], [(32, 32, 60, 60)])
+
+
+def test_a_core_that_is_open_to_one_side_is_no_different() -> None:
+    thing, core = rectangle(32, 32, 92, 92), rectangle(68, 50, 92, 74)
+    script = [(rectangle(74, 56, 82, 72), thing, 0.9)]
+    assert flagged_boxes(script, thing & ~core) == ([(32, 32, 60, 60)], [(32, 32, 60, 60)])
+
+
+def test_a_mask_reached_only_from_between_two_parts_of_the_change_is_lost_at_change() -> None:
+    thing, between = rectangle(8, 48, 120, 80), rectangle(54, 48, 74, 80)
+    script = [(rectangle(58, 48, 70, 80), thing, 0.9)]
+    assert flagged_boxes(script, thing & ~between) == ([(8, 48, 112, 32)], [])
 
 
 @pytest.mark.data

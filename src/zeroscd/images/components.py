@@ -26,3 +26,21 @@ def small_components(mask: Mask, *, min_area_px: int) -> Mask:
     small = stats[:, cv2.CC_STAT_AREA] < min_area_px
     small[0] = False  # label 0 is the background
     return np.asarray(small[labels], dtype=bool)
+
+
+def convex_hulls(mask: Mask) -> Mask:
+    """Fill the convex hull of each connected component.
+
+    Args:
+        mask: (H, W); pixels that touch at a corner are connected.
+
+    Example:
+        >>> bow = np.array([[True, False, True], [True, False, True], [True, True, True]])
+        >>> bool(convex_hulls(bow).all())
+        True
+    """
+    filled = mask.astype(np.uint8)
+    contours, _ = cv2.findContours(filled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    for contour in contours:
+        cv2.fillConvexPoly(filled, cv2.convexHull(contour), 1)
+    return np.asarray(filled, dtype=bool)

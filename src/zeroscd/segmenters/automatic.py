@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from zeroscd.images.components import convex_hulls
 from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, points_in_roi
 from zeroscd.segmenters.selection import (
@@ -137,8 +138,9 @@ class AutomaticProposals:
         """Return the segments of the photo, best first.
 
         Args:
-            roi: (H, W) region of interest: only points there are prompted, and without any the
-                photo is not even encoded; None = the whole photo.
+            roi: (H, W) region of interest: only points in the convex hulls of its components are
+                prompted, as a thing may be recognised by a part that did not change. Without any,
+                the photo is not even encoded. None = the whole photo.
         """
         found: list[Candidate] = []
         for crop, points_xy in self._prompts(roi):
@@ -156,10 +158,11 @@ class AutomaticProposals:
     def _prompts(self, roi: Mask | None) -> Iterator[tuple[Crop, PointsXy]]:
         """Yield crops with the points to prompt; crops without any are left out."""
         per_side = self.settings.points_per_side
+        hulls = None if roi is None else convex_hulls(roi)
         for crop in crops_of(self._photo_hw, layers=self.settings.crop_n_layers):
             points_xy = grid_points(crop.size_hw, per_side=per_side)
-            if roi is not None:
-                points_xy = points_in_roi(points_xy, crop, roi, per_side=per_side)
+            if hulls is not None:
+                points_xy = points_in_roi(points_xy, crop, hulls, per_side=per_side)
             if len(points_xy):
                 yield crop, points_xy
 
