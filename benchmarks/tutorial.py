@@ -57,6 +57,7 @@ class TutorialDetector:
             removed=np.zeros(size_t0, dtype=np.bool_),
             added=changed,
             unknown=~seen,
+            unseen=~seen,
             heatmap=difference / np.float32(255 / 2),  # as a distance, 0..2
             regions=(),
             alignment=alignment,
