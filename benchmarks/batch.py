@@ -40,6 +40,7 @@ SMALL_WH = (128, 96)  # pixels of the photos that only the engine is tested with
 SMALL = (
     *("--device", "cpu", "--set", "side_px=128", "--set", "min_area_px=10"),
     *("--set", "min_peak=0", "--set", "alpha=0.3", "--set", "tau_share=0.25"),
+    *("--set", "judge=all"),
 )
 SHARED_BY = 4  # pairs that have their photo before in common
 GAIN, NOISE = 0.2, 4.0  # of the perturbed photo after: +- share of light, grey levels
