@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
 
 from zeroscd.errors import OutputError
-from zeroscd.serve.job_store import Finished, JobStore
+from zeroscd.serve.job_records import Finished
+from zeroscd.serve.job_store import JobStore
 from zeroscd.serve.service import PhotoPair
 
 if TYPE_CHECKING:
@@ -127,6 +130,90 @@ def test_old_jobs_are_forgotten_and_their_space_is_given_back(path: Path) -> Non
     assert store.status(young) is not None
     assert store.size_bytes() < full - 1_900_000
     assert path.stat().st_size < 200_000
+
+
+def change(path: Path, statement: str, *values: object) -> None:
+    """Damage the database from outside, as a bad sector or another program does."""
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute(statement, values)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE jobs SET settings = '{\"alpha\": 0.'",
+        "UPDATE jobs SET settings = '[1]'",
+        "UPDATE jobs SET settings = CAST(x'fffe7b7d' AS TEXT)",
+        "UPDATE jobs SET settings = '" + "[" * 100_000 + "'",
+        "UPDATE pairs SET before = NULL",
+        "UPDATE pairs SET after = 'text'",
+    ],
+)
+def test_a_damaged_row_fails_alone(path: Path, statement: str) -> None:
+    store = JobStore(path)
+    damaged = store.add(PAIRS, preset="lite", values={}).id
+    change(path, statement)
+    sound = store.add(PAIRS[:1], preset="lite", values={}).id
+    work = store.claim()
+    assert work is not None
+    assert (work.job, work.photos) == (sound, PAIRS[0])
+    assert statuses(store, damaged) == ["failed", "failed"]
+    found = store.status(damaged)
+    assert found is not None
+    assert "damaged" in str(found.pairs[0].problem)
+
+
+def break_photo(path: Path, photo: bytes) -> None:
+    """Break the chain of pages that hold a photo, which SQLite notices when it reads it."""
+    change(path, "PRAGMA wal_checkpoint(TRUNCATE)")
+    data = bytearray(path.read_bytes())
+    pages = range(0, len(data), 4096)
+    page = next(at for at in pages if data[at + 4 : at + 1000] in photo)
+    data[page : page + 4] = b"\xff\xff\xff\x7f"
+    path.write_bytes(data)
+
+
+def test_a_photo_that_cannot_be_read_or_dropped_stops_no_other_pair(path: Path) -> None:
+    first = JobStore(path)
+    photo = b"photo" * 2000
+    job = first.add([PhotoPair(photo, b""), PAIRS[1]], preset="lite", values={}).id
+    first.close()
+    break_photo(path, photo)
+    store = JobStore(path)
+    assert store.recover() == 2
+    work = store.claim()
+    assert work is not None
+    assert work.number == 1
+    store.finish(work, Finished(b"{}", b"png"))
+    assert store.claim() is None
+    assert statuses(store, job) == ["failed", "done"]
+
+
+def test_a_pair_that_broke_while_it_was_compared_stops_no_start(path: Path) -> None:
+    first = JobStore(path)
+    photo = b"photo" * 2000
+    job = first.add([PhotoPair(photo, b""), PAIRS[1]], preset="lite", values={}).id
+    assert first.claim() is not None
+    first.close()
+    break_photo(path, photo)
+    store = JobStore(path)
+    store.recover()
+    work = store.claim()
+    assert work is not None
+    assert (work.job, work.number) == (job, 1)
+    assert statuses(store, job) == ["failed", "running"]
+
+
+def test_a_full_disk_leaves_no_transaction_open(path: Path) -> None:
+    store = JobStore(path)
+    store.add(PAIRS[:1], preset="lite", values={})
+    (pages,) = store._db.execute("PRAGMA page_count").fetchone()
+    store._db.execute(f"PRAGMA max_page_count = {pages}")
+    for _ in range(2):
+        with pytest.raises(sqlite3.OperationalError, match="full"):
+            store.add([PhotoPair(bytes(100_000), b"")], preset="lite", values={})
+    assert store.count() == 1
+    assert store.claim() is not None
 
 
 def test_counting_tells_the_states_apart(path: Path) -> None:

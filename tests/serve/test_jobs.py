@@ -153,6 +153,6 @@ def test_a_full_disk_refuses_new_jobs_and_old_ones_go_on_later(
     second = served.client.post("/v1/jobs", files=form(pair, 1)).json()["id"]
     monkeypatch.setattr(JobStore, "add", unless_full(add))
     refused = served.client.post("/v1/jobs", files=form(pair, 1))
-    assert (refused.status_code, "retry-after" in refused.headers) == (429, True)
+    assert (refused.status_code, "retry-after" in refused.headers) == (507, True)
     full[0] = False
     assert finished(served.client, second)["pairs"][0]["status"] == "done"

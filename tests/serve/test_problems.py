@@ -8,7 +8,8 @@ from fastapi.testclient import TestClient
 from starlette.exceptions import HTTPException
 
 from zeroscd.errors import ImageError, SettingsError, WeightsError
-from zeroscd.serve.problems import KINDS, Kind, Problem, described, install, problem_of
+from zeroscd.serve.handlers import install
+from zeroscd.serve.problems import KINDS, Kind, Problem, described, problem_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +44,9 @@ def test_every_kind_has_a_status_that_blames_the_right_side() -> None:
     assert [kind for kind, (status, _) in KINDS.items() if status >= 500] == [
         Kind.FAILED,
         Kind.TOO_SLOW,
+        Kind.LOCKED,
         Kind.NOT_READY,
+        Kind.NO_STORAGE,
     ]
 
 

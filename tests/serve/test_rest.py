@@ -200,7 +200,10 @@ def test_the_document_describes_every_operation_with_examples(served: Any) -> No
         ("get", "/metrics"),
     }
     detect = operations["post", "/v1/detect"]["responses"]
-    assert set(detect) == {"200", *(str(s) for s in (400, 403, 406, 408, 413, 415, 422, 429, 503))}
+    assert set(detect) == {
+        "200",
+        *(str(s) for s in (400, 403, 406, 408, 413, 415, 422, 429, 503, 507)),
+    }
     for status in set(detect) - {"200"}:
         assert detect[status]["content"]["application/problem+json"]["examples"]
     assert document["components"]["schemas"]["Changes"]["examples"]

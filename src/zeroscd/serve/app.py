@@ -7,13 +7,15 @@ import ctypes
 import logging
 import sqlite3
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from zeroscd import __version__
-from zeroscd.serve import comparison_routes, health, job_routes, page, problems, rest
+from zeroscd.serve import comparison_routes, handlers, health, job_routes, page, problems, rest
+from zeroscd.serve.admission import Room
 from zeroscd.serve.comparison import Comparisons
 from zeroscd.serve.cross_site import CrossSiteCheck
 from zeroscd.serve.job_runner import JobRunner
@@ -24,12 +26,13 @@ from zeroscd.serve.path_prefix import PathPrefix
 from zeroscd.serve.schemas import ProblemDocument
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable, Sequence
+    from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
     from contextlib import AbstractAsyncContextManager
     from pathlib import Path
 
     from starlette.types import ASGIApp
 
+    from zeroscd.serve.admission import Reservation
     from zeroscd.serve.service import Service
 
 log = logging.getLogger(__name__)
@@ -76,7 +79,7 @@ def make_app(
         root_path_in_servers=False,
         redirect_slashes=False,  # it would answer with an absolute address
     )
-    problems.install(app)
+    handlers.install(app)
     app.include_router(rest.router(service))
     app.include_router(job_routes.router(service, store, runner))
     app.include_router(comparison_routes.router(service, comparisons))
@@ -87,15 +90,35 @@ def make_app(
         "zeroscd_waiting_pairs", "Pairs of jobs that wait", lambda: store.count("waiting")
     )
 
-    def admit(path: str) -> None:
-        if path in ("/v1/detect", "/v1/comparisons"):
-            service.worker.admit()
-
     checks = (CrossSiteCheck(allowed_hosts), KeyCheck(keys))  # browsers send passwords unasked
     checked = Middleware(
-        app, limits=service.limits, checks=checks, metrics=service.metrics, admit=admit
+        app,
+        limits=service.limits,
+        checks=checks,
+        metrics=service.metrics,
+        admit=_admission(service, store),
     )
     return PathPrefix(checked, root_path)
+
+
+def _admission(service: Service, store: JobStore) -> Callable[[str, int], Awaitable[Reservation]]:
+    """Return what reserves room for a body of so many bytes, by the path of its request."""
+    room = Room(most_bytes=service.limits.bodies_bytes, most_bodies=service.limits.bodies)
+
+    async def admit(path: str, size_bytes: int) -> Reservation:
+        if path in ("/v1/detect", "/v1/comparisons"):
+            service.worker.admit()
+        reservation = room.reserve(size_bytes)
+        if path == "/v1/jobs":
+            check = partial(job_routes.check_room, store, service, 1, room.reserved_bytes)
+            try:
+                await asyncio.to_thread(check)
+            except BaseException:
+                reservation.release()
+                raise
+        return reservation
+
+    return admit
 
 
 def _lifespan(
@@ -124,8 +147,8 @@ async def _clean_up(service: Service, store: JobStore, comparisons: Comparisons)
     while True:
         try:
             await asyncio.to_thread(store.expire, seconds=service.limits.keep_job_seconds)
-        except sqlite3.Error:
-            log.exception("expired jobs could not be deleted")
+        except sqlite3.Error as error:
+            log.error("expired jobs could not be deleted: %s", error)  # noqa: TRY400 - one line
         comparisons.expire()
         _trim_heap()
         await asyncio.sleep(CLEANUP_SECONDS)

@@ -18,6 +18,7 @@ from zeroscd.serve.problems import MISTAKE
 from zeroscd.serve.worker import CancelToken
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from concurrent.futures import Future
 
     from zeroscd.evidence import Evidence
@@ -111,6 +112,14 @@ class Comparisons:
         self._tasks[name] = task
         task.add_done_callback(lambda _: self._tasks.pop(name, None))
         return name, comparison
+
+    def when_done(self, name: str, action: Callable[[], None]) -> None:
+        """Call something, in any thread, once a comparison needs its photos no longer."""
+        task = self._tasks.get(name)
+        if task is None:
+            action()
+        else:
+            task.add_done_callback(lambda _: action())
 
     def get(self, name: str) -> Comparison | None:
         """Return a comparison that is still kept, and keep it longer."""

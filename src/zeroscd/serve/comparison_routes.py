@@ -19,6 +19,7 @@ from zeroscd.serve.forms import (
     check_pair,
 )
 from zeroscd.serve.media import media_type
+from zeroscd.serve.middleware import BODY
 from zeroscd.serve.problems import Kind, Problem, described
 from zeroscd.serve.schemas import ComparisonShown, ResultShown
 from zeroscd.serve.sensitivity import threshold_at
@@ -68,6 +69,7 @@ def _add_comparisons(routes: APIRouter, service: Service, comparisons: Compariso
         photos = PhotoPair(await before.read(), await after.read())
         await check_pair(photos, service)
         name, comparison = comparisons.start(photos, request)
+        comparisons.when_done(name, http_request.scope[BODY].hold())
         response.headers["Location"] = _address(http_request, name)
         return _shown(http_request, name, comparison, comparisons)
 

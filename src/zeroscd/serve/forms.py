@@ -37,7 +37,7 @@ Sensitivity = Annotated[
 Accept = Annotated[
     str, Header(description=f"{JSON} (default), or {PNG} for the mask.", examples=[JSON])
 ]
-UPLOAD_PROBLEMS = (400, 408, 413, 415, 422, 429)  # of every request with photos
+UPLOAD_PROBLEMS = (400, 408, 413, 415, 422, 429, 507)  # of every request with photos
 RESULT: dict[str, Any] = {
     "description": "What changed; or the mask, 8 bit, 0 or 255, the size of the frame's photo.",
     "content": {PNG: {"schema": {"type": "string", "format": "binary"}}},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sqlite3
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,13 +18,16 @@ from zeroscd.serve.forms import (
     SettingsText,
     check_pair,
 )
-from zeroscd.serve.job_store import UNFINISHED, JobStatus, JobStore
+from zeroscd.serve.job_store import UNFINISHED, JobStore
 from zeroscd.serve.media import JSON, PNG, preferred
 from zeroscd.serve.problems import Kind, Problem, described
 from zeroscd.serve.schemas import JobShown, PairShown
 from zeroscd.serve.service import PhotoPair, Service, parse_values
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from zeroscd.serve.job_records import JobStatus
     from zeroscd.serve.job_runner import JobRunner
 
 RETRY_SECONDS = "60"
@@ -38,17 +40,20 @@ PairNumber = Annotated[int, Path(description="Counted from 0.", ge=0, le=MAX_NUM
 def router(service: Service, store: JobStore, runner: JobRunner) -> APIRouter:
     """Return the routes of a service."""
     routes = APIRouter(prefix="/v1/jobs", tags=["many pairs"])
-    _add_changing(routes, service, store, runner)
+    _add_sending(routes, service, store, runner)
+    _add_deleting(routes, store)
     _add_reading(routes, service, store)
     return routes
 
 
-def _add_changing(routes: APIRouter, service: Service, store: JobStore, runner: JobRunner) -> None:
+def _add_sending(routes: APIRouter, service: Service, store: JobStore, runner: JobRunner) -> None:
+    adding = asyncio.Lock()  # two jobs must not find the same room
+
     @routes.post(
         "",
         response_model=JobShown,
         status_code=status.HTTP_202_ACCEPTED,
-        responses=described(*UPLOAD_PROBLEMS),
+        responses=described(*UPLOAD_PROBLEMS, 503),
     )
     async def send(  # noqa: PLR0913, PLR0917 - the fields of the form
         http_request: Request,
@@ -62,21 +67,24 @@ def _add_changing(routes: APIRouter, service: Service, store: JobStore, runner: 
         """Queue pairs; once this is answered, not even a crash loses them."""
         values = parse_values(settings, frame)
         request = service.request(preset, values)
-        pairs = await _pairs(before, after, service)
-        await asyncio.to_thread(_check_room, store, service, pairs)
-        try:
-            job = await asyncio.to_thread(store.add, pairs, preset=request.preset, values=values)
-        except sqlite3.OperationalError as error:  # a full disk
-            raise _no_room() from error
+        files = await _checked(before, after, service)
+        size_bytes = sum(each.size or 0 for pair in files for each in pair)
+        async with adding:
+            await asyncio.to_thread(check_room, store, service, len(files), size_bytes)
+            job = await asyncio.to_thread(
+                store.add, _read(files), preset=request.preset, values=values
+            )
         runner.wake()
         response.headers["Location"] = address = _address(http_request, job.id)
         return _shown(job, service, address)
 
+
+def _add_deleting(routes: APIRouter, store: JobStore) -> None:
     @routes.delete(
         "/{job}",
         status_code=status.HTTP_204_NO_CONTENT,
         response_model=None,
-        responses=described(404, 422),
+        responses=described(404, 422, 503, 507),
     )
     async def delete(job: JobName) -> None:
         """Cancel what has not started, and delete photos and results."""
@@ -85,7 +93,7 @@ def _add_changing(routes: APIRouter, service: Service, store: JobStore, runner: 
 
 
 def _add_reading(routes: APIRouter, service: Service, store: JobStore) -> None:
-    @routes.get("/{job}", response_model=JobShown, responses=described(404, 422))
+    @routes.get("/{job}", response_model=JobShown, responses=described(404, 422, 503, 507))
     async def status_of(http_request: Request, job: JobName) -> JobShown:
         """Return the status of a job and of its pairs."""
         return _shown(await _found(store, job), service, _address(http_request, job))
@@ -93,7 +101,7 @@ def _add_reading(routes: APIRouter, service: Service, store: JobStore) -> None:
     @routes.get(
         "/{job}/results/{number}",
         response_class=Response,
-        responses={200: RESULT, **described(404, 406, 409, 422)},
+        responses={200: RESULT, **described(404, 406, 409, 422, 503, 507)},
     )
     async def result(
         job: JobName,
@@ -108,28 +116,40 @@ def _add_reading(routes: APIRouter, service: Service, store: JobStore) -> None:
         return Response(found.mask if media == PNG else found.changes, media_type=media)
 
 
-async def _pairs(
+async def _checked(
     before: list[UploadFile], after: list[UploadFile], service: Service
-) -> list[PhotoPair]:
+) -> list[tuple[UploadFile, UploadFile]]:
+    """Check all photos, with one pair in memory at a time."""
     if len(before) != len(after):
         message = f"{len(before)} photos before and {len(after)} after; send as many of each"
         raise Problem(Kind.BAD_FIELDS, message)
     most = service.limits.job_pairs
     if len(before) > most:
         raise Problem(Kind.BAD_FIELDS, f"{len(before)} pairs in one job; send at most {most}")
-    pairs = [
-        PhotoPair(await one.read(), await other.read())
-        for one, other in zip(before, after, strict=True)
-    ]
-    for number, pair in enumerate(pairs):
-        await check_pair(pair, service, number=number)
-    return pairs
+    files = list(zip(before, after, strict=True))
+    for number, (one, other) in enumerate(files):
+        photos = PhotoPair(await one.read(), await other.read())
+        await check_pair(photos, service, number=number)
+    return files
 
 
-def _check_room(store: JobStore, service: Service, pairs: list[PhotoPair]) -> None:
+def _read(files: list[tuple[UploadFile, UploadFile]]) -> Iterator[PhotoPair]:
+    """Read pair by pair; for a thread."""
+    for pair in files:
+        for each in pair:
+            each.file.seek(0)
+        yield PhotoPair(pair[0].file.read(), pair[1].file.read())
+
+
+def check_room(store: JobStore, service: Service, pairs: int, size_bytes: int) -> None:
+    """Check that there is room for so many more pairs, with so many bytes of photos.
+
+    Raises:
+        Problem: There is not.
+    """
     limits = service.limits
-    size = store.size_bytes() + sum(len(pair.before) + len(pair.after) for pair in pairs)
-    if store.count() + len(pairs) > limits.stored_pairs or size > limits.stored_bytes:
+    is_full = store.count() + pairs > limits.stored_pairs
+    if is_full or store.size_bytes() + size_bytes > limits.stored_bytes:
         raise _no_room()
 
 

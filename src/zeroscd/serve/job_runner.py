@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 from zeroscd.errors import ZeroscdError
 from zeroscd.export.changes import changes_json
 from zeroscd.export.pictures import png
-from zeroscd.serve.job_store import Finished
+from zeroscd.serve.job_records import Finished
 from zeroscd.serve.problems import MISTAKE
 from zeroscd.serve.worker import CancelToken
 
 if TYPE_CHECKING:
-    from zeroscd.serve.job_store import JobStore, Work
+    from zeroscd.serve.job_records import Work
+    from zeroscd.serve.job_store import JobStore
     from zeroscd.serve.service import Service
 
 log = logging.getLogger(__name__)
@@ -41,9 +42,13 @@ class JobRunner:
             try:
                 await asyncio.to_thread(self._store.recover)
                 await self._work()
-            except sqlite3.Error:  # a full disk, mostly; what was acknowledged is still there
+            except (
+                sqlite3.Error
+            ) as error:  # a full disk, mostly; all that was acknowledged is there
+                log.error("no job is run for %.0f seconds: %s", RETRY_SECONDS, error)  # noqa: TRY400
+            except Exception:
                 log.exception("no job is run for %.0f seconds", RETRY_SECONDS)
-                await asyncio.sleep(RETRY_SECONDS)
+            await asyncio.sleep(RETRY_SECONDS)
 
     async def _work(self) -> None:
         while True:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import json
+import logging
 import secrets
 import sqlite3
 import threading
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING
 
 from zeroscd.errors import OutputError
+from zeroscd.serve.job_records import Finished, JobStatus, PairStatus, Work
 from zeroscd.serve.service import PhotoPair
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
-Status: TypeAlias = Literal["waiting", "running", "done", "failed"]
+log = logging.getLogger(__name__)
 
 MAX_TRIES = 5  # a pair during which the process ended so often is not tried again
 SCHEMA = """
@@ -31,44 +32,9 @@ CREATE TABLE IF NOT EXISTS pairs (
 CREATE INDEX IF NOT EXISTS by_status ON pairs (status);
 """
 UNFINISHED = ("waiting", "running")
-
-
-@dataclass(frozen=True, slots=True)
-class Work:
-    """A pair to compare now."""
-
-    job: str
-    number: int
-    photos: PhotoPair
-    preset: str
-    values: Mapping[str, object]
-
-
-@dataclass(frozen=True, slots=True)
-class PairStatus:
-    """The status of a pair; a failed one has the problem in words."""
-
-    number: int
-    status: Status
-    problem: str | None
-
-
-@dataclass(frozen=True, slots=True)
-class JobStatus:
-    """The status of a job; times in seconds since 1970."""
-
-    id: str
-    created: float
-    preset: str
-    pairs: tuple[PairStatus, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Finished:
-    """The result of a pair: `changes.json` and the mask as PNG."""
-
-    changes: bytes
-    mask: bytes
+# What reading a damaged row raises, beside OperationalError: that one is about the whole database.
+DAMAGE = (sqlite3.DatabaseError, ValueError, TypeError, RecursionError)
+DAMAGED = "its row in the server's database is damaged; send the pair again"
 
 
 class JobStore:
@@ -85,6 +51,7 @@ class JobStore:
     def __init__(self, path: Path, *, clock: Callable[[], float] = time.time) -> None:
         self._clock = clock
         self._lock = threading.Lock()
+        self._damaged: set[int] = set()  # rows that cannot even be marked as failed
         try:
             self._db = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
             self._db.executescript(
@@ -98,20 +65,23 @@ class JobStore:
             raise OutputError(message) from error
 
     def add(
-        self, pairs: Sequence[PhotoPair], *, preset: str, values: Mapping[str, object]
+        self, pairs: Iterable[PhotoPair], *, preset: str, values: Mapping[str, object]
     ) -> JobStatus:
-        """Store a job; when this returns, a crash does not lose it."""
+        """Store a job; when this returns, a crash does not lose it.
+
+        The pairs are taken one by one: no two of them need be in memory.
+        """
         job, created = secrets.token_urlsafe(16), self._clock()
         with self._transaction() as db:
             db.execute(
                 "INSERT INTO jobs VALUES (?, ?, ?, ?)", (job, created, preset, json.dumps(values))
             )
-            db.executemany(
+            count = db.executemany(
                 "INSERT INTO pairs (number, job, status, before, after) "
                 "VALUES (?, ?, 'waiting', ?, ?)",
-                [(number, job, pair.before, pair.after) for number, pair in enumerate(pairs)],
-            )
-        waiting = tuple(PairStatus(number, "waiting", None) for number in range(len(pairs)))
+                ((number, job, pair.before, pair.after) for number, pair in enumerate(pairs)),
+            ).rowcount
+        waiting = tuple(PairStatus(number, "waiting", None) for number in range(count))
         return JobStatus(job, created, preset, waiting)
 
     def status(self, job: str) -> JobStatus | None:
@@ -119,9 +89,16 @@ class JobStore:
         with self._transaction() as db:
             head = db.execute("SELECT created, preset FROM jobs WHERE id = ?", (job,)).fetchone()
             rows = db.execute(
-                "SELECT number, status, problem FROM pairs WHERE job = ? ORDER BY number", (job,)
+                "SELECT rowid, number, status, problem FROM pairs WHERE job = ? ORDER BY number",
+                (job,),
             ).fetchall()
-        return head and JobStatus(job, head[0], head[1], tuple(PairStatus(*row) for row in rows))
+        pairs = (
+            PairStatus(row[1], "failed", DAMAGED)
+            if row[0] in self._damaged
+            else PairStatus(*row[1:])
+            for row in rows
+        )
+        return head and JobStatus(job, head[0], head[1], tuple(pairs))
 
     def finished(self, job: str, number: int) -> Finished | None:
         """Return the result of a pair; None if it is not done or not there."""
@@ -135,41 +112,39 @@ class JobStore:
     def remove(self, job: str) -> bool:
         """Delete a job: waiting pairs are not started. False if it is not there."""
         with self._transaction() as db:
-            return db.execute("DELETE FROM jobs WHERE id = ?", (job,)).rowcount > 0
+            gone = db.execute("DELETE FROM jobs WHERE id = ?", (job,)).rowcount > 0
+        self._damaged.clear()  # numbers of rows are used again; what is damaged will be met again
+        return gone
 
     def claim(self) -> Work | None:
-        """Claim the pair that has waited longest; None if none waits."""
-        with self._transaction() as db:
-            row = db.execute(
-                "SELECT pairs.rowid, job, number, before, after, preset, settings FROM pairs "
-                "JOIN jobs ON jobs.id = job WHERE status = 'waiting' ORDER BY pairs.rowid LIMIT 1"
-            ).fetchone()
-            if row is None:
-                return None
-            db.execute(
-                "UPDATE pairs SET status = 'running', tries = tries + 1 WHERE rowid = ?", row[:1]
-            )
-        _, job, number, before, after, preset, settings = row
-        return Work(job, number, PhotoPair(before, after), preset, json.loads(settings))
+        """Claim the pair that has waited longest; None if none waits.
+
+        Damaged pairs are failed on the way.
+        """
+        while (row := self._next()) is not None:
+            with self._alone(row):
+                return self._start(row)
+        return None
 
     def finish(self, work: Work, result: Finished) -> None:
         """Store a pair's result and delete its photos; does nothing if the job is gone."""
-        self._close(work, "done", changes=result.changes, mask=result.mask)
+        columns = "status = 'done', changes = ?, mask = ?"
+        self._close(work, columns, result.changes, result.mask)
 
     def fail(self, work: Work, problem: str) -> None:
         """Store in one line why a pair has no result, and delete its photos."""
-        self._close(work, "failed", problem=problem)
+        self._close(work, "status = 'failed', problem = ?", problem)
 
     def recover(self) -> int:
         """After a crash: queue the pairs that were running again; return how many wait."""
         with self._transaction() as db:
-            db.execute(
-                "UPDATE pairs SET status = 'failed', before = NULL, after = NULL, "
-                "problem = 'the server stopped each time it compared this pair' "
-                "WHERE status = 'running' AND tries >= ?",
-                (MAX_TRIES,),
-            )
-            db.execute("UPDATE pairs SET status = 'waiting' WHERE status = 'running'")
+            rows = db.execute("SELECT rowid, tries FROM pairs WHERE status = 'running'").fetchall()
+        for row, tries in rows:
+            with self._alone(row):
+                if tries >= MAX_TRIES:
+                    self._fail(row, "the server stopped each time it compared this pair")
+                else:
+                    self._set(row, "status = 'waiting'")
         return self.count("waiting")
 
     def release(self, work: Work) -> None:
@@ -184,9 +159,16 @@ class JobStore:
     def expire(self, *, seconds: float) -> int:
         """Delete jobs that were sent longer ago and free their space; return how many."""
         with self._transaction() as db:
-            count = db.execute(
-                "DELETE FROM jobs WHERE created < ?", (self._clock() - seconds,)
-            ).rowcount
+            old = db.execute("SELECT id FROM jobs WHERE created < ?", (self._clock() - seconds,))
+            jobs = [job for (job,) in old]
+        count = 0
+        for job in jobs:
+            try:
+                count += self.remove(job)
+            except sqlite3.OperationalError:
+                raise
+            except sqlite3.DatabaseError as error:
+                log.error("job %s cannot be deleted: %s", job, error)  # noqa: TRY400 - one line
         with self._lock:
             # As a script: `execute` would stop after the first page that is freed.
             self._db.executescript("PRAGMA incremental_vacuum; PRAGMA wal_checkpoint(TRUNCATE);")
@@ -212,20 +194,62 @@ class JobStore:
         with self._lock:
             self._db.close()
 
-    def _close(
-        self,
-        work: Work,
-        status: str,
-        *,
-        changes: bytes | None = None,
-        mask: bytes | None = None,
-        problem: str | None = None,
-    ) -> None:
+    def _next(self) -> int | None:
+        """Return the row of the pair that has waited longest."""
         with self._transaction() as db:
+            waiting = db.execute("SELECT rowid FROM pairs WHERE status = 'waiting' ORDER BY rowid")
+            return next((row for (row,) in waiting if row not in self._damaged), None)
+
+    def _start(self, row: int) -> Work:
+        with self._transaction() as db:
+            found = db.execute(
+                "SELECT job, number, before, after, preset, CAST(settings AS BLOB) FROM pairs "
+                "JOIN jobs ON jobs.id = job WHERE pairs.rowid = ?",
+                (row,),
+            ).fetchone()
             db.execute(
-                "UPDATE pairs SET status = ?, changes = ?, mask = ?, problem = ?, "
-                "before = NULL, after = NULL WHERE job = ? AND number = ?",
-                (status, changes, mask, problem, work.job, work.number),
+                "UPDATE pairs SET status = 'running', tries = tries + 1 WHERE rowid = ?", (row,)
+            )
+        job, number, before, after, preset, settings = found
+        values = json.loads(settings)
+        if not (
+            isinstance(before, bytes) and isinstance(after, bytes) and isinstance(values, dict)
+        ):
+            raise TypeError(DAMAGED)
+        return Work(row, job, number, PhotoPair(before, after), preset, values)
+
+    @contextmanager
+    def _alone(self, row: int) -> Iterator[None]:
+        """Fail one pair if its row is damaged, so that the others go on."""
+        try:
+            yield
+        except sqlite3.OperationalError:
+            raise
+        except DAMAGE as error:
+            log.error("row %d of the jobs' database is damaged: %s", row, error)  # noqa: TRY400
+            self._give_up(row)
+
+    def _give_up(self, row: int) -> None:
+        try:
+            self._fail(row, DAMAGED)
+        except sqlite3.OperationalError:
+            raise
+        except sqlite3.DatabaseError:  # its photos are unreadable, so SQLite cannot drop them
+            self._damaged.add(row)
+
+    def _fail(self, row: int, problem: str) -> None:
+        self._set(row, "status = 'failed', before = NULL, after = NULL, problem = ?", problem)
+
+    def _set(self, row: int, columns: str, *values: object) -> None:
+        with self._transaction() as db:
+            db.execute(f"UPDATE pairs SET {columns} WHERE rowid = ?", (*values, row))  # noqa: S608
+
+    def _close(self, work: Work, columns: str, *values: object) -> None:
+        with self._alone(work.row), self._transaction() as db:
+            db.execute(
+                f"UPDATE pairs SET {columns}, before = NULL, after = NULL "  # noqa: S608
+                "WHERE rowid = ? AND job = ?",
+                (*values, work.row, work.job),
             )
 
     @contextmanager
@@ -234,7 +258,8 @@ class JobStore:
             self._db.execute("BEGIN IMMEDIATE")
             try:
                 yield self._db
+                self._db.execute("COMMIT")
             except BaseException:
-                self._db.execute("ROLLBACK")
+                if self._db.in_transaction:  # SQLite ends it itself when the disk is full
+                    self._db.execute("ROLLBACK")
                 raise
-            self._db.execute("COMMIT")

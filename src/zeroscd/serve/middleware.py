@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -11,14 +12,20 @@ from zeroscd.serve.path_prefix import local_path
 from zeroscd.serve.problems import Kind, Problem, answer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Awaitable, Callable, Sequence
 
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+    from zeroscd.serve.admission import Reservation
     from zeroscd.serve.limits import Limits
     from zeroscd.serve.metrics import Metrics
 
-MAX_DRAINED = 8  # times the limit: how much of a body that is too large is read and dropped
+# How much of a body that is refused is read and dropped: so many times the limit, for so long in
+# all, and for so long when nothing comes.
+MAX_DRAINED = 8
+DRAIN_SECONDS = 5.0
+STALL_SECONDS = 0.5
+BODY = "zeroscd.body"  # key of the body in the scope of its request
 
 # Scripts and styles come from our own files, and the page talks to this server only. `blob:` is
 # how a chosen photo is shown before it is sent.
@@ -36,7 +43,8 @@ class Middleware:
         limits: For sizes and times.
         checks: Called with the scope; the first to return a problem refuses the request.
         metrics: Counts the answers.
-        admit: Called with the path; raises Problem while the queue for it is full.
+        admit: Called with path and size of a body before it is read; returns the room that was
+            reserved for it, or raises Problem if there is none.
     """
 
     def __init__(
@@ -46,7 +54,7 @@ class Middleware:
         limits: Limits,
         checks: Sequence[Callable[[Scope], Problem | None]],
         metrics: Metrics,
-        admit: Callable[[str], None],
+        admit: Callable[[str, int], Awaitable[Reservation]],
     ) -> None:
         self._app = app
         self._limits = limits
@@ -65,7 +73,11 @@ class Middleware:
             await answer(refusal)(scope, receive, send_secured)
             return
         body = Body(scope, receive, self._limits, self._admit)
-        await self._app(scope, body.receive, send_secured)
+        scope[BODY] = body
+        try:
+            await self._app(scope, body.receive, send_secured)
+        finally:
+            body.end()
 
     def _with_headers(self, scope: Scope, send: Send) -> Send:
         async def send_with_headers(message: Message) -> None:
@@ -85,7 +97,11 @@ class Body:
     """Passes on the body of a request while it is small enough and arrives in time."""
 
     def __init__(
-        self, scope: Scope, receive: Receive, limits: Limits, admit: Callable[[str], None]
+        self,
+        scope: Scope,
+        receive: Receive,
+        limits: Limits,
+        admit: Callable[[str, int], Awaitable[Reservation]],
     ) -> None:
         self._path: str = local_path(scope) if scope["method"] == "POST" else ""
         self._headers = Headers(scope=scope)
@@ -96,6 +112,21 @@ class Body:
         self._taken = 0
         self._deadline: float | None = None
         self._complete = False
+        self._reservation: Reservation | None = None
+
+    def hold(self) -> Callable[[], None]:
+        """Keep the room of this body after the request; return what gives it back."""
+        reservation = self._reservation
+        if reservation is None:  # nothing was read
+            return lambda: None
+        reservation.hold()
+        return reservation.release
+
+    def end(self) -> None:
+        """Give back the room of this body."""
+        if self._reservation is not None:
+            self._reservation.release()
+            self._reservation = None
 
     async def receive(self) -> Message:
         """Return the next part.
@@ -115,20 +146,27 @@ class Body:
 
     async def _check_beforehand(self) -> None:
         declared = self._headers.get("content-length", "")
-        if declared.isdigit() and int(declared) > self._most:
+        size_bytes = int(declared) if declared.isdigit() else self._most
+        if size_bytes > self._most:
             await self._refuse(self._too_large())
+        if not self._path:
+            return
         try:
-            self._admit(self._path)
+            self._reservation = await self._admit(self._path, size_bytes)
         except Problem as problem:
             await self._refuse(problem)
 
     async def _part(self) -> Message:
         try:
-            async with asyncio.timeout_at(self._deadline):
-                message = await self._receive()
+            message = await self._next(self._deadline)
         except TimeoutError:
             text = f"the request did not arrive within {self._seconds:.0f} seconds; send it faster"
             raise Problem(Kind.SLOW_UPLOAD, text, headers={"Connection": "close"}) from None
+        return message
+
+    async def _next(self, deadline: float | None) -> Message:
+        async with asyncio.timeout_at(deadline):
+            message = await self._receive()
         self._taken += len(message.get("body", b""))
         self._complete = message["type"] != "http.request" or not message.get("more_body", False)
         return message
@@ -139,13 +177,19 @@ class Body:
         A client that is still sending when the connection closes never reads the answer. One that
         asked first (`Expect: 100-continue`) has sent nothing yet.
         """
-        expects = "expect" in self._headers and self._taken == 0
-        while not expects and not self._complete and self._taken <= MAX_DRAINED * self._most:
-            await self._part()
+        if "expect" not in self._headers or self._taken > 0:
+            with suppress(TimeoutError):
+                await self._drain()
         headers = {**(problem.headers or {})}
         if not self._complete:
             headers["Connection"] = "close"
         raise Problem(problem.kind, str(problem.detail), headers=headers)
+
+    async def _drain(self) -> None:
+        clock = asyncio.get_running_loop().time
+        end = clock() + DRAIN_SECONDS
+        while not self._complete and self._taken <= MAX_DRAINED * self._most:
+            await self._next(min(end, clock() + STALL_SECONDS))
 
     def _too_large(self) -> Problem:
         most = self._most / 1e6

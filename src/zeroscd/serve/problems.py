@@ -1,12 +1,10 @@
-"""Errors as problem documents (RFC 9457): one table of kinds, and how they become answers."""
+"""Problem documents (RFC 9457): one table of kinds, and how one becomes an answer."""
 
 from __future__ import annotations
 
 from enum import StrEnum
-from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
-from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
@@ -14,8 +12,6 @@ from zeroscd.errors import ImageError, SettingsError, ZeroscdError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from fastapi import FastAPI, Request
 
 MEDIA_TYPE = "application/problem+json"
 URN = "urn:zeroscd:problem:"
@@ -41,7 +37,9 @@ class Kind(StrEnum):
     BUSY = "busy"
     FAILED = "failed"
     TOO_SLOW = "too-slow"
+    LOCKED = "locked"
     NOT_READY = "not-ready"
+    NO_STORAGE = "no-storage"
 
 
 # Status and title of each kind.
@@ -62,7 +60,9 @@ KINDS: dict[Kind, tuple[int, str]] = {
     Kind.BUSY: (429, "Too much is waiting already"),
     Kind.FAILED: (500, "The server made a mistake"),
     Kind.TOO_SLOW: (503, "The answer took too long"),
+    Kind.LOCKED: (503, "The database of jobs is in use"),
     Kind.NOT_READY: (503, "The server is not ready"),
+    Kind.NO_STORAGE: (507, "The server cannot store this"),
 }
 
 
@@ -107,26 +107,6 @@ def answer(problem: Problem) -> JSONResponse:
     return JSONResponse(document(problem), problem.status_code, problem.headers, MEDIA_TYPE)
 
 
-def install(app: FastAPI) -> None:
-    """Make every error answer of an application a problem document."""
-
-    @app.exception_handler(HTTPException)
-    async def _http(_: Request, error: HTTPException) -> JSONResponse:
-        return answer(error if isinstance(error, Problem) else _from_framework(error))
-
-    @app.exception_handler(RequestValidationError)
-    async def _fields(_: Request, error: RequestValidationError) -> JSONResponse:
-        return answer(Problem(Kind.BAD_FIELDS, _sentences(error)))
-
-    @app.exception_handler(ZeroscdError)
-    async def _ours(_: Request, error: ZeroscdError) -> JSONResponse:
-        return answer(problem_of(error))
-
-    @app.exception_handler(Exception)
-    async def _mistake(_: Request, __: Exception) -> JSONResponse:
-        return answer(Problem(Kind.FAILED, MISTAKE))
-
-
 def described(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Return the entries of an OpenAPI operation for problems with these statuses."""
     return {status: _described(status) for status in statuses}
@@ -143,21 +123,3 @@ def _described(status: int) -> dict[str, Any]:
         "description": "; ".join(KINDS[kind][1] for kind in kinds),
         "content": {MEDIA_TYPE: {"schema": schema, "examples": examples}},
     }
-
-
-def _from_framework(error: HTTPException) -> Problem:
-    kinds = {status: kind for kind, (status, _) in reversed(KINDS.items())}
-    kind = kinds.get(error.status_code, Kind.BAD_REQUEST)
-    detail = str(error.detail)
-    if detail == HTTPStatus(error.status_code).phrase:
-        detail = "see /openapi.json for what is here"
-    return Problem(kind, detail, headers=error.headers)
-
-
-def _sentences(error: RequestValidationError) -> str:
-    """Name each field and what is wrong with it, without echoing its value."""
-    found = (
-        f"{'.'.join(str(part) for part in entry['loc'][1:]) or 'body'}: {entry['msg']}"
-        for entry in error.errors()
-    )
-    return "; ".join(found)
