@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,15 +58,88 @@ def test_south_and_west_are_negative(refs: tuple[str, str], expected: tuple[floa
         {2: BERN[2]},
         {**BERN, 2: (91.0, 0.0, 0.0)},
         {**BERN, 4: (180.0, 0.0, 1.0)},
-        {**BERN, 2: (46.0, 57.0)},
+        {**BERN, 2: (46.0, 57.0, 3.6, 1.0)},
+        {**BERN, 2: (46.5, 57.0, 3.6)},
+        {**BERN, 2: (46.0, 61.0, 0.0)},
+        {**BERN, 2: (46.0, 1.0, 3000.0)},
         {**BERN, 2: (IFDRational(1, 0), 0.0, 0.0)},
+        {**BERN, 2: (IFDRational(46), IFDRational(0, 0), IFDRational(36, 10))},
+        {**BERN, 2: tuple([IFDRational(0, 0)] * 3)},
         {1: "N", 2: (0.0, 0.0, 0.0), 3: "E", 4: (0.0, 0.0, 0.0)},
-        {**BERN, 2: 46.951},
     ],
 )
 def test_a_place_that_is_absurd_or_half_is_none(gps: dict[int, Any]) -> None:
-    found = read_exif(photo(gps=gps))
-    assert found == Exif(gps=None, taken="2020-01-02T03:04:05")
+    assert read_exif(photo(gps=gps)) == Exif()
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        (46.0, 57.0, 3.6),
+        (46.0, 57.06, 0.0),
+        (46.0, 57.06),
+        (46.951, 0.0, 0.0),
+        46.951,
+        (IFDRational(46), IFDRational(5706, 100), IFDRational(0, 0)),
+        (IFDRational(46951, 1000), IFDRational(0, 0), IFDRational(0, 0)),
+    ],
+)
+def test_degrees_come_with_minutes_and_seconds_or_without(parts: Any) -> None:
+    found = read_exif(photo(gps={**BERN, 2: parts}))
+    assert found.gps == pytest.approx((46.951, 7.44), abs=1e-9)
+
+
+def typed_photo(refs: dict[int, tuple[int, bytes]]) -> bytes:
+    """A JPEG at 38.025, 71.5 degrees whose hemispheres have the given type and bytes."""
+    entries = {
+        tag: (kind, len(value), value.ljust(4, b"\0")) for tag, (kind, value) in refs.items()
+    }
+    start = 26 + 2 + 12 * (len(refs) + 2) + 4
+    entries |= {2: (5, 3, struct.pack("<I", start)), 4: (5, 3, struct.pack("<I", start + 24))}
+    directory = struct.pack("<H", len(entries)) + b"".join(
+        struct.pack("<HHI", tag, *entries[tag][:2]) + entries[tag][2] for tag in sorted(entries)
+    )
+    numbers = struct.pack("<12I", 38, 1, 3, 2, 0, 1, 71, 1, 30, 1, 0, 1)
+    first = struct.pack("<HHHIII", 1, 0x8825, 4, 1, 26, 0)
+    notes = b"Exif\0\0II*\0\x08\0\0\0" + first + directory + bytes(4) + numbers
+    buffer = io.BytesIO()
+    Image.fromarray(np.zeros((40, 40, 3), np.uint8)).save(buffer, "JPEG", exif=notes)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize("kind", [1, 2, 7])
+@pytest.mark.parametrize(
+    ("south", "west"), [(b"S\0", b"W\0"), (b"S", b"W"), (b" s\0x", b"w"), (b"S\0\0\0", b"W  ")]
+)
+def test_a_hemisphere_is_read_whatever_type_it_is_written_with(
+    kind: int, south: bytes, west: bytes
+) -> None:
+    found = read_exif(typed_photo({1: (kind, south), 3: (kind, west)}))
+    assert found.gps == pytest.approx((-38.025, -71.5), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("refs", "gps"),
+    [
+        (("South", "West"), (-46.951, -7.44)),
+        (("NORTH", "east"), (46.951, 7.44)),
+        (("North", "W"), (46.951, -7.44)),
+        ((None, None), None),
+        (("N", None), None),
+        (("", "E"), None),
+        (("\x01", "E"), None),
+        (("N", "O"), None),  # east in German, west in French
+        (("E", "N"), None),
+        (("SW", "W"), None),
+        (("-", "+"), None),
+    ],
+)
+def test_a_hemisphere_that_nobody_can_read_is_no_place(
+    refs: tuple[str | None, str | None], gps: tuple[float, float] | None
+) -> None:
+    noted = {tag: ref for tag, ref in zip((1, 3), refs, strict=True) if ref is not None}
+    found = read_exif(photo(gps={2: BERN[2], 4: BERN[4], **noted})).gps
+    assert found == (None if gps is None else pytest.approx(gps, abs=1e-9))
 
 
 @pytest.mark.parametrize(
@@ -74,14 +148,46 @@ def test_a_place_that_is_absurd_or_half_is_none(gps: dict[int, Any]) -> None:
         ({0x9003: "2019:05:04 12:30:11"}, "2019-05-04T12:30:11"),
         ({0x9003: "2019:05:04 12:30:11", 0x9011: "+02:00"}, "2019-05-04T12:30:11+02:00"),
         ({0x9003: "2019:05:04 12:30:11", 0x9011: "   :  "}, "2019-05-04T12:30:11"),
-        ({0x9003: "0000:00:00 00:00:00"}, "2020-01-02T03:04:05"),
-        ({}, "2020-01-02T03:04:05"),
+        ({0x9003: "2019:05:04 12:30:11", 0x9011: "+77:00"}, "2019-05-04T12:30:11"),
+        ({0x9003: "2019:05:04 12:30:11.25"}, "2019-05-04T12:30:11.250000"),
+        ({0x9003: "2019:05:04 12:30:11.123456789"}, "2019-05-04T12:30:11.123456"),
+        ({0x9003: "2019-05-04 12:30:11"}, "2019-05-04T12:30:11"),
+        ({0x9003: "2019/05/04 12:30:11"}, "2019-05-04T12:30:11"),
+        ({0x9003: "2019-05-04T12:30:11Z"}, "2019-05-04T12:30:11+00:00"),
+        ({0x9003: "2019-05-04T12:30:11-0330"}, "2019-05-04T12:30:11-03:30"),
+        ({0x9003: "2019:05:04 12:30:11+02:00", 0x9011: "+05:00"}, "2019-05-04T12:30:11+02:00"),
+        ({0x9004: "2019:05:04 12:30:11", 0x9012: "-01:00"}, "2019-05-04T12:30:11-01:00"),
+        ({0x9003: "0000:00:00 00:00:00", 0x9004: "2019:05:04 12:30:11"}, "2019-05-04T12:30:11"),
+        ({0x9003: b"2019:05:04 12:30:11\0"}, "2019-05-04T12:30:11"),
+        ({0x9003: "0000:00:00 00:00:00"}, None),
+        ({0x9003: "2019:02:30 12:30:11"}, None),
+        ({0x9003: "2019:05-04 12:30:11"}, None),
+        ({0x9003: "04:05:2019 12:30:11"}, None),
+        ({0x9003: "2019:05:04 12:30:11 PM"}, None),
+        ({0x9003: "2019:05:04"}, None),
+        ({}, None),
     ],
 )
-def test_the_time_of_the_picture_counts_then_that_of_the_file(
-    exif: dict[int, Any], expected: str
+def test_the_time_of_taking_is_read_and_never_that_of_an_edit(
+    exif: dict[int, Any], expected: str | None
 ) -> None:
     assert read_exif(photo(exif=exif)).taken == expected
+
+
+def test_a_time_of_taking_beside_the_photos_size_is_read_too() -> None:
+    notes = Image.Exif()
+    notes[0x9003] = "2019:05:04 12:30:11"  # where raw converters write it
+    buffer = io.BytesIO()
+    Image.fromarray(np.zeros((40, 40, 3), np.uint8)).save(buffer, "TIFF", exif=notes)
+    assert read_exif(buffer.getvalue()).taken == "2019-05-04T12:30:11"
+
+
+def test_notes_after_the_pixels_of_a_png_are_found() -> None:
+    data = photo(gps=BERN, kind="PNG")
+    start = data.index(b"eXIf") - 4
+    end = start + 12 + int.from_bytes(data[start : start + 4])
+    moved = data[:start] + data[end:-12] + data[start:end] + data[-12:]
+    assert read_exif(moved) == read_exif(data) != Exif()
 
 
 def test_a_photo_without_notes_has_none(tmp_path: Path) -> None:

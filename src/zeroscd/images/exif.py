@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PIL import Image
 
 from zeroscd.errors import ImageError
 from zeroscd.images.guard import guarded
-from zeroscd.images.read import formats
+from zeroscd.images.headers import check_header
+from zeroscd.images.read import DEFAULT_LIMITS, formats, read_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
     from typing import Any
 
 # Exif 2.32, section 4.6: numbers of directories and tags.
 EXIF_FOLDER, GPS_FOLDER = 0x8769, 0x8825
-CHANGED = 0x0132
-TAKEN, TAKEN_OFFSET = 0x9003, 0x9011
+# Of taking, then of digitising; never 0x0132, which is when the file was last changed.
+TIMES = ((0x9003, 0x9011), (0x9004, 0x9012))  # and the offset from UTC
 LAT_REF, LAT, LON_REF, LON = 1, 2, 3, 4
-EXIF_TIME = "%Y:%m:%d %H:%M:%S"
+MINUTES, MOST_PARTS = 60, 3
+# Exif writes 2019:05:04 12:30:11; programs write ISO 8601 and mixtures of both.
+TIME = re.compile(
+    r"(\d{4})([:/.-])(\d\d)\2(\d\d)[ T]+(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?(.*)", re.ASCII
+)
+ZONE = re.compile(r"Z|[+-](?:0\d|1[0-4]):?[0-5]\d", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +49,7 @@ class Exif:
 
 
 def read_exif(source: str | Path | bytes) -> Exif:
-    """Read place and time of a photo; whatever is missing, broken or absurd is None.
+    """Read place and time of a photo; whatever is missing, broken or ambiguous is None.
 
     Args:
         source: A path, or a file's bytes.
@@ -51,42 +58,89 @@ def read_exif(source: str | Path | bytes) -> Exif:
         >>> read_exif(b"no photo at all")
         Exif(gps=None, taken=None)
     """
-    with suppress(ImageError), guarded("the photo"):
-        file = io.BytesIO(source) if isinstance(source, bytes) else Path(source)
-        with Image.open(file, formats=formats()) as picture:
+    with suppress(ImageError):
+        data = source if isinstance(source, bytes) else read_file(source)
+        check_header(data, "the photo")
+        with guarded("the photo"), Image.open(io.BytesIO(data), formats=formats()) as picture:
+            if not _has_notes(picture, data):
+                return Exif()
             notes = picture.getexif()
-            return Exif(
-                gps=_place(notes.get_ifd(GPS_FOLDER)),
-                taken=_time(notes.get_ifd(EXIF_FOLDER), changed=notes.get(CHANGED)),
-            )
+            folder = notes.get_ifd(EXIF_FOLDER)
+            return Exif(gps=_place(notes.get_ifd(GPS_FOLDER)), taken=_time(folder) or _time(notes))
     return Exif()
 
 
+def _has_notes(picture: Image.Image, data: bytes) -> bool:
+    """Tell whether looking for EXIF data is worth it: Pillow decodes a whole PNG to find it."""
+    if picture.width * picture.height > DEFAULT_LIMITS.max_pixels:
+        return False
+    return picture.format != "PNG" or b"eXIf" in data or b"Raw profile type exif" in data
+
+
 def _place(tags: Mapping[int, Any]) -> tuple[float, float] | None:
-    latitude = _degrees(tags.get(LAT), tags.get(LAT_REF), negative="S", most=90)
-    longitude = _degrees(tags.get(LON), tags.get(LON_REF), negative="W", most=180)
+    latitude = _degrees(tags.get(LAT), tags.get(LAT_REF), words=("NORTH", "SOUTH"), most=90)
+    longitude = _degrees(tags.get(LON), tags.get(LON_REF), words=("EAST", "WEST"), most=180)
     # Receivers without a fix write zeros; nobody photographs streets in the Gulf of Guinea.
     if latitude is None or longitude is None or latitude == longitude == 0:
         return None
     return latitude, longitude
 
 
-def _degrees(parts: Any, sign: Any, *, negative: str, most: int) -> float | None:  # noqa: ANN401 - a file may hold anything
+def _degrees(parts: Any, ref: Any, *, words: tuple[str, str], most: int) -> float | None:  # noqa: ANN401 - a file may hold anything
+    sign = _sign(ref, *words)
     try:
-        degrees, minutes, seconds = (float(part) for part in parts)
-    except (TypeError, ValueError, ZeroDivisionError):
+        values = _noted(parts)
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return None
-    value = degrees + minutes / 60 + seconds / 3600
-    if not math.isfinite(value) or not 0 <= value <= most:
+    if sign is None or not 1 <= len(values) <= MOST_PARTS or any(v < 0 for v in values):
         return None
-    return -value if str(sign).strip("\0 ").upper() == negative else value
+    # A fraction of a degree besides minutes, or more minutes than a degree has: some other form.
+    if any(part % 1 and any(values[k + 1 :]) for k, part in enumerate(values)):
+        return None
+    value = sum(part / MINUTES**k for k, part in enumerate(values))
+    if max(values[1:], default=0) > MINUTES or value > most:
+        return None
+    return sign * value
 
 
-def _time(tags: Mapping[int, Any], *, changed: Any) -> str | None:  # noqa: ANN401 - as above
-    for noted, offset in ((tags.get(TAKEN), tags.get(TAKEN_OFFSET)), (changed, None)):
-        text = str(noted).strip("\0 ")
-        with suppress(ValueError):
-            return datetime.strptime(f"{text} {offset}", f"{EXIF_TIME} %z").isoformat()
-        with suppress(ValueError):
-            return datetime.strptime(text, EXIF_TIME).isoformat()  # no zone noted
+def _noted(parts: Any) -> list[float]:  # noqa: ANN401 - as above
+    """Return degrees, minutes and seconds without trailing 0/0, the mark for "not noted"."""
+    noted = list(parts) if isinstance(parts, tuple | list) else [parts]
+    while noted and getattr(noted[-1], "denominator", 1) == 0 == noted[-1].numerator:
+        noted.pop()
+    if any(isinstance(part, str | bytes) for part in noted):
+        raise TypeError
+    values = [float(part) for part in noted]
+    if not all(map(math.isfinite, values)):
+        raise ValueError
+    return values
+
+
+def _sign(ref: Any, positive: str, negative: str) -> int | None:  # noqa: ANN401 - as above
+    """Read a hemisphere from its letter or word; anything else is unknown, never a default."""
+    word = _text(ref).upper()
+    return {positive: 1, positive[0]: 1, negative: -1, negative[0]: -1}.get(word)
+
+
+def _time(tags: Mapping[int, Any]) -> str | None:
+    for tag, offset_tag in TIMES:
+        found = TIME.fullmatch(_text(tags.get(tag)))
+        if found is None:
+            continue
+        year, _, month, day, clock, fraction, zone = found.groups()
+        zone = zone.strip()
+        if zone and not ZONE.fullmatch(zone):
+            continue
+        offset = _text(tags.get(offset_tag))
+        zone = zone or (offset if ZONE.fullmatch(offset) else "")
+        with suppress(ValueError):  # no such day
+            part = f".{fraction[:6]:0<6}" if fraction else ""
+            return datetime.fromisoformat(f"{year}-{month}-{day}T{clock}{part}{zone}").isoformat()
     return None
+
+
+def _text(value: Any) -> str:  # noqa: ANN401 - as above
+    """Return a tag's text up to its first null, whichever type it was written with."""
+    if isinstance(value, bytes):
+        value = value.decode("latin-1")
+    return value.split("\0", 1)[0].strip() if isinstance(value, str) else ""

@@ -16,6 +16,7 @@ from zeroscd.errors import ImageError
 from zeroscd.images import heif
 from zeroscd.images.colours import rgb_from_array, rgb_from_picture
 from zeroscd.images.guard import guarded, libtiff_muted
+from zeroscd.images.headers import check_header
 from zeroscd.images.photo import Photo
 from zeroscd.text import one_line
 
@@ -125,6 +126,7 @@ def _decode(data: bytes, name: str, limits: PhotoLimits) -> Rgb:
     if heif.is_heif(data) and not heif.is_available():
         message = f"{name} is a HEIC photo; {heif.HINT}, or convert it to JPEG"
         raise ImageError(message)
+    check_header(data, name)
     with guarded(name), Image.open(io.BytesIO(data), formats=formats()) as picture:
         return _pixels(picture, name, limits)
 
