@@ -7,7 +7,7 @@ import struct
 import subprocess
 import sys
 import zlib
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -17,6 +17,9 @@ from zeroscd.errors import ImageError
 from zeroscd.images.exif import Exif, read_exif
 from zeroscd.images.headers import check_header
 from zeroscd.images.read import read_photo
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 PICTURE = Image.fromarray(np.random.default_rng(1).integers(0, 256, (40, 48, 3)).astype(np.uint8))
 
