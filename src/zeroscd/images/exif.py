@@ -97,7 +97,7 @@ def _degrees(parts: Any, ref: Any, *, words: tuple[str, str], most: int) -> floa
     # A fraction of a degree besides minutes, or more minutes than a degree has: some other form.
     if any(part % 1 and any(values[k + 1 :]) for k, part in enumerate(values)):
         return None
-    value = sum(part / MINUTES**k for k, part in enumerate(values))
+    value = math.fsum(part / MINUTES**k for k, part in enumerate(values))
     if max(values[1:], default=0) > MINUTES or value > most:
         return None
     return sign * value

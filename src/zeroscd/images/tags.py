@@ -37,7 +37,7 @@ class _Layout(NamedTuple):
     """How a directory is written: formats for struct, without the byte order."""
 
     first: tuple[int, str]  # where the place of the first directory is
-    count: str
+    length: str
     tag: str
     inline_bytes: int
 
@@ -111,8 +111,8 @@ def _tags(
     block: bytes, start: int, *, order: str, layout: _Layout
 ) -> Iterator[tuple[int, int, int, bytes]]:
     """Yield tag, type, count and the value, or its place, of one directory."""
-    count = next(iter(_unpacked(block, order + layout.count, at=start)), 0)
-    first = start + struct.calcsize(order + layout.count)
+    count = next(iter(_unpacked(block, order + layout.length, at=start)), 0)
+    first = start + struct.calcsize(order + layout.length)
     step = struct.calcsize(order + layout.tag)
     for at in range(first, min(first + count * step, len(block) - step + 1), step):
         yield struct.unpack_from(order + layout.tag, block, at)
