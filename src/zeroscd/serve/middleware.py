@@ -137,8 +137,8 @@ class Body:
         if self._complete:
             return await self._receive()
         if self._deadline is None:
-            self._deadline = asyncio.get_running_loop().time() + self._seconds
             await self._check_beforehand()
+            self._deadline = asyncio.get_running_loop().time() + self._seconds
         message = await self._part()
         if self._taken > self._most:
             await self._refuse(self._too_large())
@@ -146,7 +146,8 @@ class Body:
 
     async def _check_beforehand(self) -> None:
         declared = self._headers.get("content-length", "")
-        size_bytes = int(declared) if declared.isdigit() else self._most
+        is_known = declared.isdigit() and "transfer-encoding" not in self._headers
+        size_bytes = int(declared) if is_known else self._most
         if size_bytes > self._most:
             await self._refuse(self._too_large())
         if not self._path:
