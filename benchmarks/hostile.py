@@ -80,6 +80,27 @@ def _kinds(photo: bytes) -> Iterator[tuple[str, Callable[[random.Random], Any]]]
     yield "slow body", lambda _: begun + QUICKLY + bytes(800)
 
 
+def slow_headers(photo: bytes) -> dict[str, bytes]:
+    """Return files whose headers once kept Pillow busy for seconds, or took gigabytes.
+
+    Args:
+        photo: A sound JPEG, which some of them end with.
+    """
+    exif = b"\xff\xe1" + struct.pack(">H", 10) + b"Exif\0\0" + b"xx"
+    empty = b"\xff\xed" + struct.pack(">H", 2)
+    note = _chunk(b"noTe", b"")
+    comment = b"!\xfe" + (1_500_000 // 256) * (b"\xff" + bytes(255)) + b"\0"
+    sound = _png(64, zlib.compress(bytes(64 * 193)))
+    at = sound.index(b"IDAT") - 4
+    return {
+        "JPEG of 4 MB of EXIF segments": b"\xff\xd8" + (4_000_000 // 12) * exif + photo[2:],
+        "JPEG of 24 MB of empty APP segments": b"\xff\xd8" + 6_000_000 * empty + photo[2:],
+        "JPEG of 4 MB of stray bytes": b"\xff\xd8" + 4_000_000 * b"\xff" + photo[2:],
+        "GIF of 1.5 MB of comments": b"GIF89a" + bytes(7) + comment + b";",
+        "PNG of 24 MB of empty chunks": sound[:at] + 2_000_000 * note + sound[at:],
+    }
+
+
 def png(side: int) -> bytes:
     """A PNG that claims a size and holds next to nothing."""
     return _png(side, zlib.compress(bytes(100)))
@@ -128,8 +149,9 @@ def other(rng: random.Random) -> bytes:
 def _png(side: int, content: bytes) -> bytes:
     head = struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0)
     chunks = ((b"IHDR", head), (b"IDAT", content), (b"IEND", b""))
-    parts = (
-        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-        for name, body in chunks
-    )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(name, body) for name, body in chunks)
+
+
+def _chunk(name: bytes, body: bytes) -> bytes:
+    crc = zlib.crc32(name + body)
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", crc)

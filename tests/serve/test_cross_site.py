@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import httpx
 import pytest
 
 if TYPE_CHECKING:
@@ -116,6 +117,12 @@ def test_a_link_of_another_site_opens_the_page_and_nothing_else(served: Any) -> 
     assert ask(served, path="/", **link).status_code == 200
     assert is_refused(ask(served, path="/metrics", **link))
     assert is_refused(served.client.post(f"{LOOPBACK}/", headers=link))
+
+
+def test_a_form_of_another_site_hears_why_it_is_refused(live: str, pair: Any) -> None:
+    for headers in FOREIGN[:2]:
+        answer = httpx.post(f"{live}/v1/jobs", files=pair.files(), headers=headers, timeout=20)
+        assert is_refused(answer)
 
 
 def test_the_document_promises_the_refusal(served: Any) -> None:

@@ -89,6 +89,13 @@ def test_too_many_bytes_are_refused(png_of: Callable[[np.ndarray], bytes]) -> No
     assert refused.value.status_code == 413
 
 
+def test_a_header_that_would_take_long_is_refused() -> None:
+    photo = encoded("JPEG")
+    flood = 20_000 * b"\xff\xe1\0\x0aExif\0\0xx"
+    with pytest.raises(ImageError, match="segments"):
+        check_photo(photo[:2] + flood + photo[2:], name="it", limits=LIMITS)
+
+
 def test_a_jpeg_may_not_ask_for_endless_scans() -> None:
     progressive = encoded("JPEG", progressive=True)
     assert 1 < progressive.count(b"\xff\xda") <= 16

@@ -86,6 +86,9 @@ def make_app(
     app.include_router(health.router(service))
     app.include_router(page.router(service, comparisons), include_in_schema=False)
     _describe(app, with_keys=bool(keys))
+    # Now, while there is one thread: FastAPI completes its routes when they are first needed, and
+    # silences warnings meanwhile, by a filter that all threads share.
+    app.openapi()
     service.metrics.watch(
         "zeroscd_waiting_pairs", "Pairs of jobs that wait", lambda: store.count("waiting")
     )

@@ -124,4 +124,4 @@ def _is_address(name: str) -> bool:
 
 
 def _refusal(message: str) -> Problem:
-    return Problem(Kind.CROSS_SITE, message, headers={"Connection": "close"})
+    return Problem(Kind.CROSS_SITE, message)

@@ -39,9 +39,7 @@ class KeyCheck:
             "send a key as `Authorization: Bearer KEY` or `X-API-Key: KEY`; "
             "in a browser, give it as the password"
         )
-        return Problem(
-            Kind.NO_KEY, message, headers={"WWW-Authenticate": challenge, "Connection": "close"}
-        )
+        return Problem(Kind.NO_KEY, message, headers={"WWW-Authenticate": challenge})
 
     def _has_key(self, headers: Headers) -> bool:
         given = [_as_sent(headers.get("x-api-key", "")), _credentials(headers)]

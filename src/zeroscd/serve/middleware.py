@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # all, and for so long when nothing comes.
 MAX_DRAINED = 8
 DRAIN_SECONDS = 5.0
-STALL_SECONDS = 0.5
+STALL_SECONDS = 2.0
 BODY = "zeroscd.body"  # key of the body in the scope of its request
 
 # Scripts and styles come from our own files, and the page talks to this server only. `blob:` is
@@ -69,10 +69,10 @@ class Middleware:
             return
         send_secured = self._with_headers(scope, send)
         refusal = next(filter(None, (check(scope) for check in self._checks)), None)
-        if refusal is not None:
-            await answer(refusal)(scope, receive, send_secured)
-            return
         body = Body(scope, receive, self._limits, self._admit)
+        if refusal is not None:
+            await answer(await body.refused(refusal))(scope, receive, send_secured)
+            return
         scope[BODY] = body
         try:
             await self._app(scope, body.receive, send_secured)
@@ -141,7 +141,7 @@ class Body:
             self._deadline = asyncio.get_running_loop().time() + self._seconds
         message = await self._part()
         if self._taken > self._most:
-            await self._refuse(self._too_large())
+            raise await self.refused(self._too_large())
         return message
 
     async def _check_beforehand(self) -> None:
@@ -149,13 +149,13 @@ class Body:
         is_known = declared.isdigit() and "transfer-encoding" not in self._headers
         size_bytes = int(declared) if is_known else self._most
         if size_bytes > self._most:
-            await self._refuse(self._too_large())
+            raise await self.refused(self._too_large())
         if not self._path:
             return
         try:
             self._reservation = await self._admit(self._path, size_bytes)
         except Problem as problem:
-            await self._refuse(problem)
+            raise await self.refused(problem) from None
 
     async def _part(self) -> Message:
         try:
@@ -172,8 +172,8 @@ class Body:
         self._complete = message["type"] != "http.request" or not message.get("more_body", False)
         return message
 
-    async def _refuse(self, problem: Problem) -> None:
-        """Read on for a while before refusing.
+    async def refused(self, problem: Problem) -> Problem:
+        """Read on for a while, and return what the request is answered then.
 
         A client that is still sending when the connection closes never reads the answer. One that
         asked first (`Expect: 100-continue`) has sent nothing yet.
@@ -184,7 +184,7 @@ class Body:
         headers = {**(problem.headers or {})}
         if not self._complete:
             headers["Connection"] = "close"
-        raise Problem(problem.kind, str(problem.detail), headers=headers)
+        return Problem(problem.kind, str(problem.detail), headers=headers)
 
     async def _drain(self) -> None:
         clock = asyncio.get_running_loop().time

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from PIL import Image
 
 from zeroscd.images.guard import guarded
+from zeroscd.images.headers import check_header
 from zeroscd.serve.problems import Kind, Problem
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def check_photo(data: bytes, *, name: str, limits: Limits) -> tuple[int, int]:
 
     Raises:
         Problem: It is empty, too large, of another format, or too costly to decode.
-        ImageError: Its header is damaged.
+        ImageError: Its header is damaged, or would take long to read.
     """
     if len(data) > limits.photo_bytes:
         most = limits.photo_bytes / MEGA
@@ -44,6 +45,7 @@ def check_photo(data: bytes, *, name: str, limits: Limits) -> tuple[int, int]:
     if scans > limits.jpeg_scans:
         message = f"{name} has {scans} scans, more than {limits.jpeg_scans}; save it anew"
         raise Problem(Kind.BAD_PHOTO, message)
+    check_header(data, name)
     with guarded(name), Image.open(io.BytesIO(data), formats=[kind]) as picture:
         width, height = picture.size
     if width * height > limits.photo_pixels:
