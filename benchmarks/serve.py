@@ -1,9 +1,10 @@
 """A server under load, killed, and fed with hostile uploads.
 
-    python benchmarks/serve.py [NAME] [--only together|load|page|kill|hostile] [--seconds 120]
+    python benchmarks/serve.py [NAME] [--only SCENARIO] [--seconds 120]
 
-Starts `zeroscd serve` itself, on a free port of this machine. Writes
-benchmarks/results/serve/NAME.json; benchmarks/README.md describes the file.
+Scenarios: together, load, page, kill, hostile, headers, jobs, idle, crosssite, disk. Starts
+`zeroscd serve` itself, on a free port of this machine. Writes benchmarks/results/serve/NAME.json,
+which benchmarks/README.md describes, and NAME.md: what was tried, and what was survived.
 """
 
 from __future__ import annotations
@@ -14,100 +15,32 @@ import json
 import os
 import platform
 import random
-import re
-import signal
-import subprocess
-import sys
 import tempfile
-import threading
 import time
 from collections import Counter
-from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import httpx
+from attacks import crosssite, disk, headers, idle, jobs, table
 from hostile import QUICKLY, SEED, SLOW, uploads
+from server import Server, running
 
 from zeroscd.output import write_json
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Iterator
+    from collections.abc import Callable, Coroutine
 
 RESULTS = Path(__file__).parent / "results" / "serve"
 SAMPLES = files("zeroscd") / "samples"
 BEFORE, AFTER = (SAMPLES.joinpath(f"{when}.jpg").read_bytes() for when in ("before", "after"))
 WARM_UP = 10  # requests before memory is looked at
 CALM_SECONDS = 75  # after the load: the server returns freed memory once a minute
-ROUNDS = 4  # of killing
+ROUNDS = 10  # of killing
 FORWARD_RUNS = 2
 MEGABYTE = 1e6
-
-
-class Server:
-    """A `zeroscd serve` of our own."""
-
-    def __init__(self, state: Path) -> None:
-        self.state = state
-        self.scratch = state.parent / "tmp"
-        self.scratch.mkdir(exist_ok=True)
-        entry = "from zeroscd.cli.main import main; main()"
-        command = [sys.executable, "-c", entry, "serve", "--port", "0", "--state", str(state)]
-        environment = {**os.environ, "TMPDIR": str(self.scratch)}
-        self.process = subprocess.Popen(  # noqa: S603 - our own command
-            command, stdout=subprocess.PIPE, text=True, env=environment
-        )
-        assert self.process.stdout is not None  # noqa: S101 - it is a pipe
-        line = self.process.stdout.readline()
-        found = re.search(r"http://\S+", line)
-        if found is None:
-            sys.exit(f"the server did not start: {line}")
-        self.url = found[0]
-        self.max_bytes = 0
-        self._watching = threading.Event()
-        threading.Thread(target=self._watch, daemon=True).start()
-
-    def memory(self) -> int:
-        """Resident bytes now."""
-        text = Path(f"/proc/{self.process.pid}/status").read_text()
-        return 1024 * int(re.findall(r"VmRSS:\s+(\d+)", text)[0])
-
-    def left_over(self) -> list[str]:
-        """Temporary files that have a name."""
-        folders = (self.state / "spool", self.scratch)
-        return [str(path) for folder in folders for path in folder.rglob("*") if path.is_file()]
-
-    def kill(self) -> None:
-        """End it as a power cut would."""
-        self._watching.set()
-        self.process.send_signal(signal.SIGKILL)
-        self.process.wait()
-
-    def stop(self) -> None:
-        """Ask it to stop."""
-        self._watching.set()
-        self.process.send_signal(signal.SIGTERM)
-        self.process.wait(60)
-
-    def _watch(self) -> None:
-        while not self._watching.wait(0.05):
-            try:
-                self.max_bytes = max(self.max_bytes, self.memory())
-            except OSError:
-                return
-
-
-@contextmanager
-def running() -> Iterator[Server]:
-    """Run a server with an empty folder, and stop it."""
-    with tempfile.TemporaryDirectory() as folder:
-        server = Server(Path(folder) / "state")
-        try:
-            yield server
-        finally:
-            server.stop()
 
 
 def pair_files() -> dict[str, tuple[str, bytes]]:
@@ -237,7 +170,7 @@ async def kill() -> dict[str, Any]:
             stale += server.left_over()
             async with httpx.AsyncClient(base_url=server.url, timeout=60) as client:
                 sending = [asyncio.create_task(_send(client, acknowledged)) for _ in range(4)]
-                await asyncio.sleep(1.5 + 1.3 * number)
+                await asyncio.sleep(1.5 + 0.3 * number)
                 server.kill()
                 await asyncio.gather(*sending)
         server = Server(Path(folder) / "state")
@@ -382,18 +315,23 @@ def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("name", nargs="?", default=f"cpu-{os.cpu_count()}-cores")
-    parser.add_argument("--only", choices=["together", "load", "page", "kill", "hostile"])
     parser.add_argument("--seconds", type=float, default=120)
     parser.add_argument("--clients", type=int, default=64)
     parser.add_argument("--count", type=int, default=200)
-    arguments = parser.parse_args()
     scenarios: dict[str, Callable[[], Coroutine[None, None, dict[str, Any]]]] = {
         "together": together,
         "load": lambda: load(arguments.clients, arguments.seconds),
         "page": lambda: page(arguments.clients, arguments.seconds),
         "kill": kill,
         "hostile": lambda: hostile(arguments.count),
+        "headers": headers,
+        "jobs": jobs,
+        "idle": idle,
+        "crosssite": crosssite,
+        "disk": disk,
     }
+    parser.add_argument("--only", choices=list(scenarios))
+    arguments = parser.parse_args()
     path = RESULTS / f"{arguments.name}.json"
     found = json.loads(path.read_text()) if path.exists() else {}
     found |= {"schema": 1, "name": arguments.name, "system": platform.platform(terse=True)}
@@ -403,6 +341,7 @@ def main() -> None:
             found[name] = asyncio.run(scenario())
             print(name, json.dumps(found[name], indent=1))
     write_json(found, path)
+    path.with_suffix(".md").write_text(table(found))
 
 
 if __name__ == "__main__":

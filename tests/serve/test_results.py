@@ -48,6 +48,7 @@ def test_visitors_of_the_page_got_results_or_a_time_to_come_again(found: dict[st
 
 def test_no_job_was_lost(found: dict[str, Any]) -> None:
     kill = found["kill"]
+    assert kill["kills"] >= 10
     assert kill["jobs_acknowledged"] > 0
     assert (kill["jobs_lost"], kill["stale_files_after_start"]) == (0, 0)
     assert set(kill["pairs"]) == {"done"}
@@ -61,6 +62,54 @@ def test_every_hostile_upload_was_refused(found: dict[str, Any]) -> None:
     assert hostile["left_over_files"] == 0
     assert hostile["slowest_seconds"]["slow_senders"] < 35  # 30 for a body, and some slack
     assert hostile["memory_bytes"]["most"] < 1.5e9
+
+
+@pytest.mark.parametrize("attack", ["headers", "idle"])
+def test_no_attack_stopped_the_server_or_took_its_memory(
+    found: dict[str, Any], attack: str
+) -> None:
+    assert len(found[attack]) >= 3
+    for each in found[attack].values():
+        assert each["healthz"]["failed"] == 0
+        assert each["healthz"]["slowest_seconds"] < 1
+        assert each["most_bytes"] < 900e6
+        assert each.get("oldest_seconds", 0) < 35
+        assert all(status.startswith("4") for status in each.get("statuses", {}))
+
+
+def test_jobs_of_ten_clients_at_once_stay_within_the_promised_memory(
+    found: dict[str, Any],
+) -> None:
+    jobs = found["jobs"]
+    assert (jobs["clients"], jobs["megabytes_each"]) == (10, 199)
+    assert jobs["most_bytes"] < 900e6
+    assert jobs["healthz"]["failed"] == 0
+    assert set(jobs["statuses"]) == {"202", "429"}
+    assert jobs["slowest_refusal_seconds"] < 10
+    assert jobs["alive_afterwards"]
+
+
+def test_pages_of_other_sites_got_nothing(found: dict[str, Any]) -> None:
+    ours = {"curl", "our own page", "a proxy's name"}
+    for kind, each in found["crosssite"].items():
+        assert each["statuses"] == ([200, 200] if kind in ours else [403, 403]), kind
+        assert not each["readable_elsewhere"]
+
+
+def test_a_full_disk_lost_nothing_and_was_said_in_a_line_each(found: dict[str, Any]) -> None:
+    disk = found["disk"]
+    assert set(disk["statuses"]) == {"202", "507"}
+    assert disk["status_with_room_again"] == 202
+    assert set(disk["pairs"]) == {"done"}
+    assert disk["tracebacks"] == 0
+    assert disk["log_lines"] <= disk["statuses"]["507"] + 2
+
+
+def test_the_table_says_that_all_was_survived(found: dict[str, Any]) -> None:
+    path = ROOT / "benchmarks" / "results" / "serve" / f"{found['name']}.md"
+    rows = [line.split(" | ") for line in path.read_text().splitlines()[2:]]
+    assert len(rows) >= 20
+    assert {row[1] for row in rows} == {"yes"}
 
 
 def test_every_key_is_described(found: dict[str, Any]) -> None:
