@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from zeroscd.alignment.homography import apply, invert
 from zeroscd.alignment.warp import unseen, warp_map, warp_mask
+from zeroscd.images.bars import empty_edges
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -71,8 +72,10 @@ class Side:
         return warp_map(map_there, self.here_from_there, size_b_hw=self.here.size_hw)
 
     def unseen(self) -> Mask:
-        """Mark the pixels of this photo that the other does not show."""
-        return unseen(self.there.size_hw, self.here_from_there, size_b_hw=self.here.size_hw)
+        """Mark the pixels of this photo that the other does not show, and those empty in one."""
+        outside = unseen(self.there.size_hw, self.here_from_there, size_b_hw=self.here.size_hw)
+        empty_here, empty_there = (empty_edges(one.photo.pixels) for one in (self.here, self.there))
+        return outside | empty_here | self.bring_mask(empty_there)
 
 
 @dataclass(frozen=True, slots=True)

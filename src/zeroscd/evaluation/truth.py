@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from zeroscd.evaluation.datasets.masks import read_mask, read_truth
+from zeroscd.images.bars import black_border
 from zeroscd.images.read import read_photo
 
 if TYPE_CHECKING:
@@ -88,17 +89,6 @@ def resize_mask(mask: Mask, size_hw: tuple[int, ...] | None) -> Mask:
     width_height = (size_hw[1], size_hw[0])
     resized = cv2.resize(mask.astype(np.uint8), width_height, interpolation=cv2.INTER_NEAREST_EXACT)
     return resized.astype(bool)
-
-
-def black_border(photo: Rgb) -> Mask:
-    """Find the areas of pure black that touch the border: what a warp has left empty.
-
-    Black inside the photo is dark, not void, and stays.
-    """
-    black: Mask = np.all(photo == 0, axis=2)
-    _, labels = cv2.connectedComponents(np.asarray(black, dtype=np.uint8), connectivity=4)
-    edge = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
-    return black & np.isin(labels, np.unique(edge[edge > 0]))
 
 
 def _photo(path: Path, size_hw: tuple[int, int] | None) -> Rgb:
