@@ -104,8 +104,10 @@ def test_behind_a_proxy_the_page_works_under_its_public_name(
 
 
 def test_the_name_that_a_proxy_forwards_is_an_origin_of_ours(served: Any) -> None:
-    answer = ask(served, Origin="https://city.example", **{"X-Forwarded-Host": "city.example"})
-    assert answer.status_code == 200
+    for forwarded in ("city.example", "city.example:443", "city.example, inner.example"):
+        given = {"Origin": "https://city.example", "X-Forwarded-Host": forwarded}
+        assert ask(served, **given).status_code == 200
+        assert is_refused(ask(served, **{**given, "Origin": "https://inner.example"}))
 
 
 def test_a_link_of_another_site_opens_the_page_and_nothing_else(served: Any) -> None:

@@ -131,6 +131,25 @@ def test_a_mistake_of_ours_fails_one_pair_and_the_next_goes_on(
     assert "server made a mistake" in job["pairs"][0]["problem"]
 
 
+def test_a_mistake_of_ours_between_two_pairs_stops_no_later_job(
+    served: Any, pair: Any, monkeypatch: Any, caplog: Any
+) -> None:
+    monkeypatch.setattr(job_runner, "RETRY_SECONDS", 0.01)
+    claim, mistakes = JobStore.claim, iter([KeyError("mistake"), sqlite3.DatabaseError("locked")])
+
+    def act(store: JobStore) -> Any:
+        for error in mistakes:
+            raise error
+        return claim(store)
+
+    monkeypatch.setattr(JobStore, "claim", act)
+    job = served.client.post("/v1/jobs", files=form(pair, 1)).json()["id"]
+    assert finished(served.client, job)["pairs"][0]["status"] == "done"
+    logged = [record for record in caplog.records if record.name == job_runner.__name__]
+    # A mistake is worth a traceback; a database that cannot be used is one line.
+    assert [record.exc_info is not None for record in logged] == [True, False]
+
+
 def test_a_full_disk_refuses_new_jobs_and_old_ones_go_on_later(
     served: Any, pair: Any, monkeypatch: Any
 ) -> None:

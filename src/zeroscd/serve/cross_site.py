@@ -76,7 +76,8 @@ class CrossSiteCheck:
         scheme = origin.partition(":")[0].lower()
         # A page of another site cannot send X-Forwarded-Host without asking first (CORS), and is
         # never allowed to.
-        names = [headers.get("host", ""), headers.get("x-forwarded-host", "")]
+        forwarded = headers.get("x-forwarded-host", "").partition(",")[0]  # the client's own
+        names = [headers.get("host", ""), forwarded.strip()]
         own = [_host_and_port(f"{scheme}://{name}") for name in names if name]
         return parts in own or parts[0] in self._allowed
 
