@@ -28,7 +28,8 @@ class FileServer:
     content: bytes
     honours_ranges: bool = True
     cut_after: int | None = None  # bytes of a reply, then the connection is closed
-    promised: int | None = None  # Content-Length, where it is wrong
+    promised: int | str | None = None  # Content-Length, where it is wrong
+    redirect: str | None = None  # answers with this new address
     status: int | None = None  # answers this and nothing else
     second_request: threading.Barrier | None = None  # awaited before a reply, for a while
     address: str = ""
@@ -45,6 +46,11 @@ def _handler(server: FileServer) -> type[BaseHTTPRequestHandler]:
                     server.second_request.wait(timeout=1.0)
             if server.status is not None:
                 self.send_error(server.status)
+                return
+            if server.redirect is not None:
+                self.send_response(302)
+                self.send_header("Location", server.redirect)
+                self.end_headers()
                 return
             start = int(asked.split("=")[1].rstrip("-")) if asked and server.honours_ranges else 0
             if start >= len(server.content):

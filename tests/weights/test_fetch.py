@@ -13,6 +13,7 @@ import torch
 
 from zeroscd.errors import WeightsError
 from zeroscd.weights.fetch import fetch, import_file
+from zeroscd.weights.part_file import write_chunks
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -170,7 +171,7 @@ def test_other_write_errors_keep_the_bytes_for_the_next_try(
 
     folder.mkdir()
     (folder / "model.pth.part").write_bytes(b"x")
-    monkeypatch.setattr("pathlib.Path.open", lambda *_: Broken())
+    monkeypatch.setattr("builtins.open", lambda *_, **__: Broken())
     with pytest.raises(WeightsError, match=r"cannot write in .*input/output error"):
         fetch(row, progress=quiet)
     assert names_in(folder) == {"model.pth.part"}
@@ -256,7 +257,7 @@ def test_without_a_published_digest_only_weights_are_taken(
 ) -> None:
     source, row = tmp_path / "model.pth", row_of(b"", sha256="", size_bytes=None)
     source.write_bytes(b"<html>sign in to download</html>")
-    with pytest.raises(WeightsError, match=r"model\.pth (is refused|is damaged or not a weight)"):
+    with pytest.raises(WeightsError, match=r"model\.pth is a web page"):
         import_file(row, source, progress=quiet)
     assert not folder.exists()
     torch.save({"a": torch.ones(2)}, source)
@@ -281,3 +282,58 @@ def test_a_folder_that_cannot_be_made_is_an_error_of_one_line(
     monkeypatch.setenv("ZEROSCD_HOME", str(tmp_path / "file"))
     with pytest.raises(WeightsError, match=r"cannot write in .*set ZEROSCD_HOME"):
         fetch(row, progress=quiet)
+
+
+WEB_PAGE, LFS_POINTER = (
+    b"\xef\xbb\xbf\n<!DOCTYPE html><html><body>too large to scan</body></html>",
+    b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n",
+)
+
+
+@pytest.mark.parametrize(("content", "what"), [(WEB_PAGE, "web page"), (LFS_POINTER, "Git LFS")])
+@pytest.mark.parametrize("sha256", ["", "0" * 64])
+def test_what_came_in_place_of_weights_is_called_what_it_is(
+    row_of: Callable[..., WeightFile], tmp_path: Path, content: bytes, what: str, sha256: str
+) -> None:
+    source = tmp_path / "model.pth"
+    source.write_bytes(content)
+    with pytest.raises(WeightsError, match=what):
+        import_file(row_of(b"abc", sha256=sha256, size_bytes=None), source, progress=quiet)
+
+
+def test_a_body_without_end_is_stopped(
+    server: Any, row_of: Callable[..., WeightFile], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("zeroscd.weights.fetch.MAX_BYTES", 2_000_000)
+    row = row_of(server.content, address=server.address, size_bytes=None)
+    with pytest.raises(WeightsError, match="sends more than 2000000 bytes"):
+        fetch(row, progress=quiet)
+    assert names_in(folder) == set()
+
+
+@pytest.mark.parametrize("length", ["abc", "-5", "1e9"])
+def test_a_length_that_is_no_number_is_unknown(server: Any, row: WeightFile, length: str) -> None:
+    server.promised = length
+    assert fetch(row, progress=quiet).read_bytes() == server.content
+
+
+@pytest.mark.parametrize("goal", ["http://[bad/model", "file:///etc/passwd"])
+def test_a_redirect_that_leads_nowhere_is_one_line(server: Any, row: WeightFile, goal: str) -> None:
+    server.redirect = goal
+    with pytest.raises(WeightsError, match="was not fetched") as caught:
+        fetch(row, progress=quiet)
+    assert str(caught.value).isprintable()
+
+
+def test_a_partial_file_that_is_a_link_is_not_written_through(
+    row: WeightFile, folder: Path, tmp_path: Path
+) -> None:
+    folder.mkdir()
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"mine")
+    (folder / "model.pth.part").symlink_to(victim)
+    with pytest.raises(WeightsError, match="is a link"):
+        fetch(row, progress=quiet)
+    with pytest.raises(WeightsError, match="cannot write"):
+        write_chunks(folder / "model.pth.part", [b"theirs"], afresh=True)
+    assert victim.read_bytes() == b"mine"

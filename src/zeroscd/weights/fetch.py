@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 OFFLINE_VARIABLE = "ZEROSCD_OFFLINE"
 TIMEOUT_SECONDS = 30.0  # without a byte
 CHUNK_BYTES = 2**20
+MAX_BYTES = 2**34  # of a file whose length is not published; the largest known has 2.6 GB
 
 NETWORK_ERRORS = (OSError, http.client.HTTPException)  # urllib's own errors are OSErrors
 
@@ -109,7 +110,18 @@ def _download(address: str, row: WeightFile, *, part: Path, progress: Progress) 
         total = _total(reply, row, done=done)
         check_free_space(part.parent, 0 if total is None else total - done)
         chunks = _chunks(reply, row.file, done=done, total=total, progress=progress)
-        write_chunks(part, chunks, afresh=done == 0)
+        write_chunks(part, _bounded(chunks, row, part=part, done=done), afresh=done == 0)
+
+
+def _bounded(chunks: Iterator[bytes], row: WeightFile, *, part: Path, done: int) -> Iterator[bytes]:
+    """Pass chunks on until they are more than the file has; then what came is deleted."""
+    most = MAX_BYTES if row.size_bytes is None else row.size_bytes
+    for chunk in chunks:
+        done += len(chunk)
+        if done > most:
+            part.unlink(missing_ok=True)
+            raise WeightsError(_not_fetched(row, f"{row.address} sends more than {most} bytes"))
+        yield chunk
 
 
 def _open(address: str, row: WeightFile, *, done: int) -> Any | None:  # noqa: ANN401 - a response
@@ -121,14 +133,16 @@ def _open(address: str, row: WeightFile, *, done: int) -> Any | None:  # noqa: A
         why.close()
         if why.code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
             return None  # nothing beyond what we have; verifying decides
-        raise WeightsError(_not_fetched(row, f"{address} answers {why.code} {why.reason}")) from why
-    except NETWORK_ERRORS as why:
-        raise WeightsError(_not_fetched(row, f"{address} cannot be reached ({why})")) from why
+        reason = " ".join(str(why.reason).split())  # of several lines for a loop of redirects
+        raise WeightsError(_not_fetched(row, f"{address} answers {why.code} {reason}")) from why
+    except (*NETWORK_ERRORS, ValueError) as why:  # ValueError: a redirect to no address
+        reason = " ".join(str(why).split())
+        raise WeightsError(_not_fetched(row, f"{address} cannot be reached ({reason})")) from why
 
 
 def _total(reply: Any, row: WeightFile, *, done: int) -> int | None:  # noqa: ANN401 - a response
     length = reply.headers.get("Content-Length")
-    total = None if length is None else done + int(length)
+    total = done + int(length) if length and length.isdecimal() else None
     if total is not None and row.size_bytes not in (None, total):
         why = f"{row.address} offers {total} bytes, expected {row.size_bytes}"
         raise WeightsError(_not_fetched(row, why))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import shutil
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -28,8 +29,9 @@ def locked_part_file(target: Path) -> Iterator[Path]:
         moves it to its final name.
 
     Raises:
-        WeightsError: The folder cannot be written.
+        WeightsError: The folder cannot be written, or the partial file is a link.
     """
+    part = target.with_name(f"{target.name}.part")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         lock = FileLock(target.with_name(f".{target.name}.lock"))
@@ -37,7 +39,10 @@ def locked_part_file(target: Path) -> Iterator[Path]:
     except OSError as why:
         raise WeightsError(_cannot_write(target.parent, why)) from why
     try:
-        yield target.with_name(f"{target.name}.part")
+        if part.is_symlink():
+            message = f"{part} is a link, which is not written through; delete it"
+            raise WeightsError(message)
+        yield part
     finally:
         lock.release()
 
@@ -69,13 +74,17 @@ def write_chunks(part: Path, chunks: Iterable[bytes], *, afresh: bool) -> None:
         WeightsError: A chunk could not be written.
     """
     try:
-        with part.open("wb" if afresh else "ab") as sink:
+        with open(part, "wb" if afresh else "ab", opener=_not_through_links) as sink:
             for chunk in chunks:
                 sink.write(chunk)
     except OSError as why:
         if why.errno in DISK_FULL:
             part.unlink(missing_ok=True)
         raise WeightsError(_cannot_write(part.parent, why)) from why
+
+
+def _not_through_links(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)  # Windows has no such flag
 
 
 def _cannot_write(folder: Path, why: OSError) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from zeroscd.errors import WeightsError
+from zeroscd.weights.verify import stand_in_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,6 +29,7 @@ DAMAGED = (
     AssertionError,
     TypeError,
     AttributeError,
+    MemoryError,
     struct.error,
     zipfile.BadZipFile,
 )
@@ -53,6 +55,9 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
     Raises:
         WeightsError: The file is damaged, carries anything but data, or holds no named tensors.
     """
+    if stand_in := stand_in_of(path):
+        message = f"{path} {stand_in}"
+        raise WeightsError(message)
     loaded = _read_safetensors(path) if _is_safetensors(path) else _read_pytorch(path)
     for wrapper in WRAPPERS:
         if isinstance(loaded, dict) and isinstance(loaded.get(wrapper), dict):
