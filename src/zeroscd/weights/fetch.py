@@ -29,6 +29,19 @@ MAX_BYTES = 2**34  # of a file whose length is not published; the largest known 
 NETWORK_ERRORS = (OSError, http.client.HTTPException)  # urllib's own errors are OSErrors
 
 
+class _Redirects(urllib.request.HTTPRedirectHandler):
+    """Closes the connection when an address to go on to is none."""
+
+    def http_error_302(self, req: Any, fp: Any, code: int, msg: str, headers: Any) -> Any:  # noqa: ANN401 - urllib's own signature
+        try:
+            return super().http_error_302(req, fp, code, msg, headers)
+        except ValueError:
+            fp.close()
+            raise
+
+    http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
+
+
 class Progress(Protocol):
     """Is told how far a download is."""
 
@@ -128,7 +141,7 @@ def _open(address: str, row: WeightFile, *, done: int) -> Any | None:  # noqa: A
     headers = {"Range": f"bytes={done}-"} if done else {}
     request = urllib.request.Request(address, headers=headers)  # noqa: S310 - from our own table
     try:
-        return urllib.request.urlopen(request, timeout=TIMEOUT_SECONDS)  # noqa: S310
+        return urllib.request.build_opener(_Redirects).open(request, timeout=TIMEOUT_SECONDS)
     except urllib.error.HTTPError as why:
         why.close()
         if why.code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
