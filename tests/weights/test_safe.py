@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+import zipfile
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -141,3 +142,35 @@ def test_safetensors_are_known_by_their_content(tmp_path: Path) -> None:
     (tmp_path / "cut.pth").write_bytes(data[:-4])
     with pytest.raises(WeightsError, match="is damaged"):
         read_tensors(tmp_path / "cut.pth")
+
+
+@pytest.mark.parametrize("old_format", [True, False])
+def test_a_file_that_asks_for_64_gigabytes_is_refused_before_they_are_allocated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, old_format: bool
+) -> None:
+    path = tmp_path / "w.pth"
+    torch.save({"a": torch.ones(1000)}, path, _use_new_zipfile_serialization=not old_format)
+    asked = b"\x8a\x05" + (16 * 10**9).to_bytes(5, "little")  # a long number, in place of 1000
+    if old_format:
+        path.write_bytes(path.read_bytes().replace(b"M\xe8\x03", asked))
+    else:
+        with zipfile.ZipFile(path) as archive:
+            parts = {name: archive.read(name) for name in archive.namelist()}
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, content in parts.items():
+                archive.writestr(name, content.replace(b"M\xe8\x03", asked))
+    monkeypatch.setattr(torch, "load", None)  # nobody gets so far
+    with pytest.raises(WeightsError, match="asks for 16000000000 numbers at once"):
+        read_tensors(path)
+
+
+def test_large_numbers_that_are_no_sizes_do_no_harm(tmp_path: Path) -> None:
+    content = {"model": {"a": torch.ones(2)}, "seed": 2**63 + 11, "time": 1_790_000_000}
+    torch.save(content, tmp_path / "w.pth")
+    assert list(read_tensors(tmp_path / "w.pth")) == ["a"]
+
+
+def test_a_web_page_in_place_of_a_checkpoint_is_called_that(tmp_path: Path) -> None:
+    (tmp_path / "w.pth").write_bytes(b"<html><body>sign in</body></html>")
+    with pytest.raises(WeightsError, match="is a web page"):
+        read_tensors(tmp_path / "w.pth")

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from zeroscd.errors import WeightsError
+from zeroscd.weights.pickles import MOST, largest_size_in
 from zeroscd.weights.verify import stand_in_of
 
 if TYPE_CHECKING:
@@ -89,6 +90,10 @@ def _read_safetensors(path: Path) -> dict[str, Tensor]:
 
 
 def _read_pytorch(path: Path) -> Any:  # noqa: ANN401 - whatever data the file holds
+    size = largest_size_in(path)
+    if size > MOST:
+        message = f"{path} is refused: it asks for {size} numbers at once, which no checkpoint has"
+        raise WeightsError(message)
     try:
         with torch.serialization.safe_globals(_NUMPY):
             mapped = zipfile.is_zipfile(path)  # the old format cannot be mapped
