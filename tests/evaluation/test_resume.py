@@ -38,7 +38,7 @@ SCORE = PairScore(
     seconds=0.5,
     stages={"features": 0.25},
     false_regions=2,
-    judged_px=9,
+    in_view_px=9,
     histogram=DistanceHistogram(changed=(1, 2), unchanged=(3, 4)),
     kinds=KindHits(hit=2, right=1),
 )

@@ -16,7 +16,7 @@ from zeroscd.evaluation.scoring import (
     KindHits,
     PairScore,
     agreement,
-    count_judged,
+    count_in_view,
     count_kinds,
     count_pair,
     distance_histogram,
@@ -84,18 +84,18 @@ def test_the_prediction_is_compared_at_the_size_of_the_mask() -> None:
 
 def test_what_is_unknown_or_ignored_is_not_judged() -> None:
     truth = truth_of(valid=~box(0, 10))  # 100 pixels do not count
-    assert count_judged(box(20, 30), box(0, 40), truth) == 3200 - 100 - (400 - 100 - 100)
+    assert count_in_view(box(20, 30), box(0, 40), truth) == 3200 - 100 - (400 - 100 - 100)
     score = PairScore(
         stem="a",
         counts=Counts(tp=40, fp=60, fn=1000, tn=1900),
         seconds=0.0,
         stages={},
         false_regions=1,
-        judged_px=2000,
+        in_view_px=2000,
         histogram=DistanceHistogram(changed=(), unchanged=()),
     )
     assert score.flagged_fraction == 0.05
-    assert replace(score, judged_px=0).flagged_fraction == 0.0
+    assert replace(score, in_view_px=0).flagged_fraction == 0.0
 
 
 def test_one_kind_alone_is_compared_when_the_labels_know_only_that(blank: ChangeResult) -> None:
@@ -195,7 +195,7 @@ def test_a_score_comes_back_from_json_as_it_was(kinds: KindHits | None) -> None:
         seconds=0.1,
         stages={"features": 0.05},
         false_regions=2,
-        judged_px=9,
+        in_view_px=9,
         histogram=DistanceHistogram(changed=(1, 2), unchanged=(3, 4)),
         kinds=kinds,
         consistency=0.3,

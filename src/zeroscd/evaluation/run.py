@@ -18,7 +18,7 @@ from zeroscd.evaluation.scores import Scores
 from zeroscd.evaluation.scoring import (
     PairScore,
     agreement,
-    count_judged,
+    count_in_view,
     count_kinds,
     count_pair,
     distance_histogram,
@@ -169,7 +169,7 @@ class _PairScorer:
             seconds=detected.seconds,
             stages=dict(result.seconds),
             false_regions=false_regions,
-            judged_px=count_judged(found, result.unknown, pair.truth),
+            in_view_px=count_in_view(found, result.unseen, pair.truth),
             histogram=distance_histogram(result.heatmap, pair.truth),
             kinds=count_kinds(result, pair.truth),
             consistency=(

@@ -24,7 +24,7 @@ class FalseAlarms:
     Attributes:
         pairs: Pairs without true change.
         false_positive_rate: Mean share of their counted pixels that was flagged; 0 without pairs.
-        flagged_fraction: The same of their judged pixels: what is unknown is left out.
+        flagged_fraction: The same of their pixels in view of both photos.
         pairs_with_false_alarm: Share of them with a flagged region of 100 px or more, 0..1.
         false_regions_per_pair: Mean number of such regions.
     """
@@ -150,7 +150,7 @@ def _row(pair: PairScore) -> dict[str, object]:
         "iou": pair.counts.iou if changed else None,
         "flagged": pair.counts.flagged,
         "flagged_fraction": pair.flagged_fraction,
-        "judged_px": pair.judged_px,
+        "in_view_px": pair.in_view_px,
         "false_regions": pair.false_regions,
         "not_aligned": pair.not_aligned,
     }

@@ -65,7 +65,7 @@ class PairScore:
         seconds: Wall time of the detection.
         stages: Wall time of each stage.
         false_regions: Large enough regions of the mask that hit no true change.
-        judged_px: Counted pixels that the result calls changed or unchanged, not unknown.
+        in_view_px: Counted pixels that both photos show.
         histogram: For the precision-recall curve over tau.
         kinds: None where the data does not tell removed from added.
         consistency: IoU with the mask found after swapping the photos; None when not asked for.
@@ -79,7 +79,7 @@ class PairScore:
     seconds: float
     stages: Mapping[str, float]
     false_regions: int
-    judged_px: int
+    in_view_px: int
     histogram: DistanceHistogram
     kinds: KindHits | None = None
     consistency: float | None = None
@@ -89,8 +89,8 @@ class PairScore:
 
     @property
     def flagged_fraction(self) -> float:
-        """Share of the judged pixels that were flagged, 0..1; 0 where nothing was judged."""
-        return (self.counts.tp + self.counts.fp) / self.judged_px if self.judged_px else 0.0
+        """Share of the pixels in view of both photos that were flagged, 0..1; 0 without any."""
+        return (self.counts.tp + self.counts.fp) / self.in_view_px if self.in_view_px else 0.0
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -130,10 +130,10 @@ def count_pair(predicted: Mask, truth: Truth) -> tuple[Counts, int]:
     )
 
 
-def count_judged(predicted: Mask, unknown: Mask, truth: Truth) -> int:
-    """Count the pixels that count and are judged, at the truth's size; flagged ones always are."""
-    judged = resize_mask(predicted | ~unknown, truth.changed.shape)
-    return int(np.count_nonzero(judged & truth.valid))
+def count_in_view(predicted: Mask, unseen: Mask, truth: Truth) -> int:
+    """Count the pixels that count and that both photos show, at the truth's size; or are flagged."""
+    in_view = resize_mask(predicted | ~unseen, truth.changed.shape)
+    return int(np.count_nonzero(in_view & truth.valid))
 
 
 def distance_histogram(distance: Map, truth: Truth) -> DistanceHistogram:

@@ -47,7 +47,7 @@ def means_table(scores: Scores) -> Table:
     rows += [
         ("pairs without change", str(alarms.pairs), ""),
         ("share flagged in those", number(alarms.false_positive_rate, digits=4), ""),
-        ("share of their judged pixels", number(alarms.flagged_fraction, digits=4), ""),
+        ("share of their pixels in view", number(alarms.flagged_fraction, digits=4), ""),
         (
             f"share of them with a false region of {FALSE_REGION_PX} px or more",
             number(alarms.pairs_with_false_alarm),
