@@ -34,5 +34,18 @@ def oracles(load_script: Callable[[str], ModuleType], robustness: ModuleType) ->
 
 
 @pytest.fixture(scope="session")
+def tutorial(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    return load_script("tutorial")
+
+
+@pytest.fixture(scope="session")
+def accuracy(
+    load_script: Callable[[str], ModuleType], tutorial: ModuleType, pair_benchmark: ModuleType
+) -> ModuleType:
+    assert (tutorial.__name__, pair_benchmark.__name__) == ("tutorial", "pair")
+    return load_script("accuracy")
+
+
+@pytest.fixture(scope="session")
 def pair_benchmark(load_script: Callable[[str], ModuleType]) -> ModuleType:
     return load_script("pair")
