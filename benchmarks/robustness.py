@@ -4,7 +4,8 @@
 
 COMPOSITES has t0/ t1/ mask/ removed/ added/ with equal names and pairs.json with the true
 homographies. OUT gets one data set a condition, its scores, and the table as robustness.json and
-robustness.md. The same input gives the same pictures: every pair's dice depend on its name only.
+robustness.md. The same input gives the same pictures: random numbers of a
+pair depend on its name only.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Scene:
 
 
 def restyle(scene: Scene, rng: Rng) -> Scene:
-    """Give the photo after another light: gamma, colour, haze and a soft-edged shadow."""
+    """Change the light of the photo after: gamma, colour, haze and a soft shadow."""
     gamma = rng.uniform(*GAMMA) ** rng.choice([-1, 1])
     light = (scene.after / 255.0) ** gamma * 255.0 * rng.uniform(*GAIN, size=3)
     light *= _shadow(scene.after.shape[:2], rng)[..., None]
@@ -78,7 +79,7 @@ def restyle(scene: Scene, rng: Rng) -> Scene:
 
 
 def move(scene: Scene, rng: Rng) -> Scene:
-    """Look at the place from elsewhere: a second homography, all of whose view t1 shows."""
+    """Move the camera: a second homography, whose whole view lies inside t1."""
     height, width = scene.changed.shape
     size_xy = np.array([width, height])
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size_xy - 0.5
@@ -88,7 +89,7 @@ def move(scene: Scene, rng: Rng) -> Scene:
         cv2.getPerspectiveTransform(seen.astype(np.float32), corners.astype(np.float32)),
         dtype=np.float64,
     )
-    # Replicated: a view that reaches the very rim would show half a pixel of black.
+    # Replicated, or a view that reaches the border would show half a pixel of black.
     after = cv2.warpPerspective(
         scene.after, there_from_t1, (width, height), borderMode=cv2.BORDER_REPLICATE
     )
@@ -103,7 +104,7 @@ def move(scene: Scene, rng: Rng) -> Scene:
 
 
 def add_noise(scene: Scene, rng: Rng) -> Scene:
-    """Take both photos with a poor sensor: Gaussian noise, independent in every value."""
+    """Add Gaussian noise to both photos, independent in every value."""
     before, after = (
         _pixels(photo + rng.normal(0, NOISE_SIGMA, photo.shape))
         for photo in (scene.before, scene.after)
@@ -123,7 +124,7 @@ class Condition:
 
     Attributes:
         meaning: For readers of the table.
-        render: From a scene and its dice to another scene.
+        render: From a scene and a random generator to another scene.
         quality: JPEG quality of the written photos; None keeps every bit.
     """
 
@@ -174,7 +175,7 @@ def true_homographies(root: Path) -> dict[str, Homography]:
 def render(
     source: Dataset, truth: Mapping[str, Homography], condition: Condition, root: Path
 ) -> None:
-    """Write a data set under a condition; a pair's dice depend on its name, not on the others."""
+    """Write a data set under a condition; a pair's random numbers depend on its name only."""
     rows = []
     for files in source.pairs:
         pair = load_pair(files, source)

@@ -68,7 +68,7 @@ class Baseline:
 
 
 def table_among_published(scores: Scores) -> tuple[TableRow, ...]:
-    """Sort our row into the published ones, best first; empty where nothing is published."""
+    """Place our row among the published ones, best first; empty where nothing is published."""
     rows = published_for(scores.dataset.name)
     if not rows:
         return ()
@@ -100,7 +100,7 @@ def compare_with_baselines(scores: Scores) -> tuple[Baseline, ...]:
         Methods by name; one without a score for any of our pairs with change is left out.
 
     Raises:
-        DatasetError: That file is not what it should be.
+        DatasetError: The file does not have the form {stem: {method: F1}}.
     """
     theirs = _read_baselines(scores.dataset.root / BASELINES_FILE)
     ours = {pair.stem: pair.counts.f1 for pair in scores.pairs if pair.counts.has_change}
