@@ -39,7 +39,7 @@ def score(stem: str, counts: Counts, *, false_regions: int = 0, seconds: float =
         seconds=seconds,
         stages={},
         false_regions=false_regions,
-        judged_px=1000,
+        in_view_px=1000,
         histogram=DistanceHistogram(changed=(), unchanged=()),
     )
 

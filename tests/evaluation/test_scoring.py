@@ -82,7 +82,7 @@ def test_the_prediction_is_compared_at_the_size_of_the_mask() -> None:
     assert false_regions == 0  # 20 pixels there, 80 here
 
 
-def test_what_is_unknown_or_ignored_is_not_judged() -> None:
+def test_what_is_unseen_or_ignored_is_not_in_view() -> None:
     truth = truth_of(valid=~box(0, 10))  # 100 pixels do not count
     assert count_in_view(box(20, 30), box(0, 40), truth) == 3200 - 100 - (400 - 100 - 100)
     score = PairScore(

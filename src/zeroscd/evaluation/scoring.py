@@ -131,7 +131,7 @@ def count_pair(predicted: Mask, truth: Truth) -> tuple[Counts, int]:
 
 
 def count_in_view(predicted: Mask, unseen: Mask, truth: Truth) -> int:
-    """Count the pixels that count and that both photos show, at the truth's size; or are flagged."""
+    """Count the valid pixels that both photos show or that are flagged, at the truth's size."""
     in_view = resize_mask(predicted | ~unseen, truth.changed.shape)
     return int(np.count_nonzero(in_view & truth.valid))
 
