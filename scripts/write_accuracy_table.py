@@ -30,8 +30,6 @@ HEAD = """\
 | set | pairs | figure | tutorial | all | **likely** | sure |
 |---|---|---|---|---|---|---|
 """
-    "| set | pairs | figure | tutorial | all | **likely** | sure |\n|---|---|---|---|---|---|---|\n"
-)
 # figure of the results -> heading, digits
 FIGURES = {
     "pairs_with_false_alarm": ("alarms", 2),
