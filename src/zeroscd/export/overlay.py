@@ -23,8 +23,8 @@ ADDED_RGB = (0, 114, 178)
 UNKNOWN_RGB = (90, 90, 90)
 PAPER_RGB, INK_RGB = (255, 255, 255), (34, 34, 34)
 TINT = 0.22  # how much of the colour covers a changed object
-HATCH_ALPHA = 200  # 0..255: the photo shines through between and a little below the lines
-HATCH_STEP = 1 / 60  # distance of the hatching lines, as a share of the longer side
+HATCH_ALPHA = 150  # 0..255: the photo shines through between and a little below the lines
+HATCH_STEP = 1 / 40  # distance of the hatching lines, as a share of the longer side
 STROKE = 1 / 400  # width of an outline, likewise
 LEGEND = 1 / 24  # height of the legend, likewise
 
@@ -59,7 +59,7 @@ def hatching(mask: Mask) -> Mask:
     """Return the pixels of diagonal lines inside a mask."""
     step = max(6, round(max(mask.shape) * HATCH_STEP))
     rows, columns = np.ogrid[: mask.shape[0], : mask.shape[1]]
-    on_a_line = (rows + columns) % step < max(1, step // 6)
+    on_a_line = (rows + columns) % step < max(1, step // 12)
     return np.asarray(mask & on_a_line, np.bool_)
 
 
