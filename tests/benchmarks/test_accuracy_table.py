@@ -38,4 +38,5 @@ def test_the_readme_quotes_the_table(script: ModuleType) -> None:
     assert len(quoted) >= 5
     for name, figure, value in quoted:
         digits = len(value.partition(".")[2])
-        assert f"{sets[name.replace('_', ' ')]['zeroscd'][figure]:.{digits}f}" == value, (name, figure)
+        measured = sets[name.replace("_", " ")]["zeroscd"][figure]
+        assert f"{measured:.{digits}f}" == value, (name, figure)

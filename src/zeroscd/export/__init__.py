@@ -1,1 +1,1 @@
-"""What leaves the house: pictures, JSON, COCO, the one-file report."""
+"""Export formats: pictures, JSON, COCO, GeoJSON, Parquet, the one-file report."""

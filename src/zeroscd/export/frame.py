@@ -1,4 +1,4 @@
-"""A result as one looks at it: both photos and every mask in the same pixels."""
+"""The common frame of a result: both photos and every mask in the same pixels."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Stage 5b: outlines vote, are verified, and become regions."""
+"""Stage 6: segments vote, are verified, and become regions."""
