@@ -452,3 +452,18 @@ def test_a_real_photo_and_itself_have_nothing_changed(lite: Detector, shared_dat
     result = lite.detect(photo.pixels, photo.pixels)
     assert not result.mask.any()
     assert not result.unknown.any()
+
+
+def test_no_region_is_smaller_than_asked_for_where_the_view_ends(
+    toy_encoder: PatchEncoder, draw_scene: Any
+) -> None:
+    """The end of the view may cut a thing into pieces; a speck of it is no region."""
+    right = np.array([[1.0, 0, 64], [0, 1, 0], [0, 0, 1]])  # t1 sees 64 columns that t0 does not
+    scene = draw_scene(right, added=[(40, 64, 64, 64)])
+    thing = np.zeros(scene.after.shape[:2], dtype=bool)
+    thing[64:128, 40:64] = thing[64:96, 64:104] = thing[110:128, 64:66] = True
+    scene = replace(scene, outlines_t0=(), outlines_t1=(thing,))
+    chosen = Settings().override({**PLAIN, "min_area_px": 40, "verify": "off"})
+    models = Models(toy_encoder, scene.segmenter())
+    (region,) = Detector(chosen, models).detect(scene.before, scene.after).regions
+    assert region.bbox_xywh == (64, 64, 40, 32)

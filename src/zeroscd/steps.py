@@ -115,8 +115,9 @@ def _clean(mask: Mask, coarse: CoarseChange, refine: RefineSettings) -> Mask:
     whole = close_gaps(mask, gap_width=refine.gap_width)
     wide = drop_thin(whole, min_width=refine.min_width)
     strong = keep_strong(wide, coarse, min_peak=refine.min_peak)
-    large = remove_small_components(strong, min_area_px=refine.min_area_px)
-    return large if refine.partial_segments == "whole" else large & ~coarse.unknown
+    # What is not seen first: it may cut a part into specks.
+    seen = strong if refine.partial_segments == "whole" else strong & ~coarse.unknown
+    return remove_small_components(seen, min_area_px=refine.min_area_px)
 
 
 def verified_ground_of(pair: Pair) -> tuple[Ground, Ground]:
