@@ -71,7 +71,7 @@ class ChangeSettings:
     tau_share: Share = setting(
         0.65,
         "where a fitted tau lies between the background (0) and unrelated things (1)",
-        paper=0.575,
+        paper=0.55,
         threshold=True,
     )
     sampling: Literal["nearest", "bilinear"] = setting(
