@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.evidence import Evidence, Pair, Side
     from zeroscd.judge.ground import Ground
-    from zeroscd.records import Segment, Segments
+    from zeroscd.records import Segments
     from zeroscd.settings import ChangeSettings, RefineSettings, Settings
 
 
@@ -167,7 +167,7 @@ def judge(
     """
     pair = evidence.pair
     parts = tuple(
-        [_part(segment, _judged_side(side, change, ground)) for segment in connected_parts(mask)]
+        _parts(mask, _judged_side(side, change, ground))
         for side, change, ground, mask in zip(
             pair.sides, coarse, evidence.ground, masks, strict=True
         )
@@ -187,9 +187,12 @@ def judge(
     return Judged((kept[0], kept[1]), (believed[0], believed[1]), (unknown[0], unknown[1]))
 
 
-def _part(segment: Segment, side: JudgedSide) -> Part:
-    support = support_of(measure(segment, side))
-    return Part(segment, support, score_of(support))
+def _parts(mask: Mask, side: JudgedSide) -> list[Part]:
+    segments = connected_parts(mask)
+    supports = [support_of(measure(segment, side)) for segment in segments]
+    return [
+        Part(s, support, score_of(support)) for s, support in zip(segments, supports, strict=True)
+    ]
 
 
 def _judged_side(side: Side, coarse: CoarseChange, ground: Ground) -> JudgedSide:
