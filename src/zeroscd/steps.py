@@ -22,8 +22,6 @@ from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from zeroscd.arrays import Mask
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.evidence import Evidence, Pair, Side
@@ -98,7 +96,8 @@ def removed_and_added(
     size_t0_hw, size_t1_hw = pair.photo_t0.size_hw, pair.photo_t1.size_hw
     kept_t0 = confirm(flagged_t0, flagged_t1, side_t1.bring_mask, rule, size_hw=size_t0_hw)
     kept_t1 = confirm(flagged_t1, flagged_t0, side_t0.bring_mask, rule, size_hw=size_t1_hw)
-    removed_t0, added_t1 = unite(kept_t0, size_t0_hw), unite(kept_t1, size_t1_hw)
+    removed_t0 = unite((one.segment for one in kept_t0), size_t0_hw)
+    added_t1 = unite((one.segment for one in kept_t1), size_t1_hw)
     if refine.kinds == "novelty":
         removed_t0, added_t1 = assign_kinds(
             removed_t0,
@@ -173,7 +172,10 @@ def judge(
         )
     )
     kept = tuple([p for p in own if p.support >= MIN_SUPPORT[step]] for own in parts)
-    believed = tuple(_union(own, mask.shape) for own, mask in zip(kept, masks, strict=True))
+    believed = tuple(
+        unite((part.segment for part in own), mask.shape)
+        for own, mask in zip(kept, masks, strict=True)
+    )
     rejected = masks[0] & ~believed[0], masks[1] & ~believed[1]
     side_t0, side_t1 = pair.sides
     not_judged = (
@@ -209,13 +211,6 @@ def _judged_side(side: Side, coarse: CoarseChange, ground: Ground) -> JudgedSide
         ],
         carry=side.carry,
     )
-
-
-def _union(parts: Sequence[Part], size_hw: tuple[int, ...]) -> Mask:
-    union = np.zeros(size_hw, dtype=bool)
-    for part in parts:
-        union[part.segment.window] |= part.segment.crop()
-    return union
 
 
 def _unverified(

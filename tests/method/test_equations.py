@@ -254,7 +254,7 @@ def test_segments_vote_by_their_share_of_coarse_change(
     for voter, mask in zip(found, expected, strict=True):
         np.testing.assert_array_equal(voter.segment.mask((8, 9)), mask)
     union = np.logical_or.reduce(expected or [np.zeros_like(unknown)])
-    np.testing.assert_array_equal(unite(found, (8, 9)), union)
+    np.testing.assert_array_equal(unite((f.segment for f in found), (8, 9)), union)
 
 
 @given(SEEDS, st.floats(0.1, 0.95))

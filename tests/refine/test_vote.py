@@ -90,6 +90,6 @@ def test_a_higher_alpha_flags_a_part_of_what_a_lower_one_flags(
 
 
 def test_segments_are_united() -> None:
-    found = [Flagged(s, 1.0) for s in segments(columns(0, 3), columns(2, 5), columns(8, 9))]
+    found = segments(columns(0, 3), columns(2, 5), columns(8, 9))
     np.testing.assert_array_equal(unite(found, SIZE_HW), columns(0, 5) | columns(8, 9))
     assert not unite([], SIZE_HW).any()

@@ -79,11 +79,11 @@ def _gamma(segment: Segment, changed: Mask, unknown: Mask) -> float:
     return float(np.count_nonzero(known & changed[segment.window]) / known_px)
 
 
-def unite(flagged: Iterable[Flagged], size_hw: tuple[int, int]) -> Mask:
+def unite(segments: Iterable[Segment], size_hw: tuple[int, ...]) -> Mask:
     """Return the union of segments over their photo, (H, W)."""
     united = np.zeros(size_hw, dtype=bool)
     # The largest first: the parts of what is there already need not be unpacked.
-    for segment, _ in sorted(flagged, key=lambda one: -one.segment.area_px):
+    for segment in sorted(segments, key=lambda one: -one.area_px):
         box = united[segment.window]
         if not box.all():
             box |= segment.crop()
