@@ -151,21 +151,6 @@ def files_of(street: Path, out: Path, toy: ModuleType) -> list[Path]:
     return sorted(out.glob("p*/*"))
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5])
-def test_a_file_that_became_empty_or_short_is_made_again_and_no_other(
-    street: Path, tmp_path: Path, toy: ModuleType, share: float
-) -> None:
-    files = files_of(street, tmp_path / "out", toy)
-    assert len(files) == 2 * PAIRS
-    for path in files:
-        whole = path.read_bytes()
-        path.write_bytes(whole[: int(share * len(whole))])
-        progress = Counting()
-        run(street / "pairs.csv", tmp_path / "out", options=quick(toy), progress=progress)
-        assert computed(progress) == [path.parent.name]
-        assert len(path.read_bytes()) == pytest.approx(len(whole), abs=20)  # seconds differ
-
-
 def test_a_pairs_files_are_on_the_disk_before_the_journal_says_so(
     street: Path, tmp_path: Path, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
