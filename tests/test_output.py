@@ -1,12 +1,17 @@
 from __future__ import annotations
 
 import errno
+import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from zeroscd.errors import OutputError
-from zeroscd.output import check_target, write_together
+from zeroscd.output import check_target, make_folder, write_together, write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 def everything_below(folder: Path) -> set[str]:
@@ -24,6 +29,26 @@ def fail_at(monkeypatch: pytest.MonkeyPatch, method: str, number: int) -> None:
         return real(self, *args)
 
     monkeypatch.setattr(Path, method, failing)
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        make_folder,
+        lambda folder: write_whole(folder / "file", b"x"),
+        lambda folder: write_together(folder, {"file": b"x"}),
+    ],
+)
+def test_the_names_of_all_folders_that_were_made_are_synced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], None]
+) -> None:
+    """A folder keeps its number when it is moved, so that numbers say which ones were synced."""
+    synced: set[int] = set()
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.add(os.fstat(descriptor).st_ino))
+    folder = tmp_path / "a" / "b" / "c"
+    write(folder)
+    holders = (tmp_path, tmp_path / "a", tmp_path / "a" / "b")
+    assert {holder.stat().st_ino for holder in holders} <= synced
 
 
 def test_in_an_existing_folder_only_our_own_files_are_replaced(tmp_path: Path) -> None:

@@ -57,7 +57,7 @@ def make_folder(folder: Path) -> None:
         OutputError: It cannot be made.
     """
     with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+        _make(folder)
 
 
 @contextmanager
@@ -112,7 +112,7 @@ def write_whole(path: Path, content: bytes) -> None:
         OutputError: The folder cannot be written.
     """
     with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        _make(path.parent)
         with replacing(path) as part:
             part.write_bytes(content)
 
@@ -139,7 +139,8 @@ def write_together(folder: Path, files: Mapping[str, bytes]) -> None:
             if inner == stage:
                 _move_into(real, stage, list(files))
             else:
-                _sync(inner)
+                for made in (inner, *inner.parents)[: len(real.relative_to(existing).parts)]:
+                    _sync(made)
                 missing = real.relative_to(existing).parts[0]
                 overtaken = not _appears(stage / missing, existing / missing)
             _sync(existing)
@@ -170,6 +171,14 @@ def refuse_link(path: Path) -> None:
     if path.is_symlink():
         message = f"cannot write {path}: it is a link to {path.readlink()}; remove the link"
         raise OutputError(message)
+
+
+def _make(folder: Path) -> None:
+    """Make a folder and those above it, on the disk before this returns."""
+    missing = [part for part in (folder, *folder.parents) if not part.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for made in missing:
+        _sync(made.parent)
 
 
 def _sync(path: Path) -> None:
