@@ -1,8 +1,12 @@
 from __future__ import annotations
 
+import http.server
+import sys
 import threading
 import time
 import unicodedata
+from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import fsspec
@@ -11,7 +15,9 @@ from fsspec.implementations.memory import MemoryFileSystem
 
 from zeroscd.batch import address
 from zeroscd.batch.address import Fetcher, existing_spelling, resolve
-from zeroscd.errors import ImageError
+from zeroscd.batch.manifest import open_manifest
+from zeroscd.batch.names import stem
+from zeroscd.errors import DatasetError, ImageError
 from zeroscd.images.read import PhotoLimits
 
 if TYPE_CHECKING:
@@ -138,3 +144,50 @@ def test_whatever_goes_wrong_is_one_line_with_the_address(where: str, message: s
     with pytest.raises(ImageError, match=message) as caught:
         Fetcher(MUCH_S)(where)
     assert "\n" not in str(caught.value)
+
+
+def test_without_a_reader_of_web_addresses_one_learns_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "aiohttp", None)  # as if it were not installed
+    monkeypatch.delitem(sys.modules, "fsspec.implementations.http", raising=False)
+    loaded = import_module("fsspec.registry")._registry  # what fsspec itself has imported
+    monkeypatch.delitem(loaded, "https", raising=False)
+    line = (
+        r"^https://host/a.png\?sig=1 cannot be read: http\(s\) addresses need aiohttp and "
+        r"requests; run: pip install 'zeroscd\[http\]'$"
+    )
+    with pytest.raises(ImageError, match=line):
+        Fetcher(MUCH_S)("https://host/a.png?sig=1")
+    with pytest.raises(DatasetError, match=r"^cannot read https://host/m.csv: .*zeroscd\[http\]'$"):
+        open_manifest("https://host/m.csv")
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[str]:
+    """The address of a server of the files in `tmp_path`, which ignores signatures."""
+    handler = partial(QuietHandler, directory=str(tmp_path))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
+
+
+class QuietHandler(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *args: object) -> None:
+        """Say nothing."""
+
+
+def test_signed_web_addresses_are_read_and_named_after_the_photo(tmp_path: Path, site: str) -> None:
+    pytest.importorskip("aiohttp", reason="the extra zeroscd[http] is not installed")
+    (tmp_path / "b c.png").write_bytes(b"there")
+    (tmp_path / "m.csv").write_text(f"before,after\n{site}/a.png?e=1,{site}/b%20c.png?sig=r/t.u\n")
+    manifest = open_manifest(f"{site}/m.csv?Expires=3600&Signature=ab.cd")
+    (row,) = manifest.rows()
+    assert row.after is not None
+    assert (manifest.base, stem(row.after)) == (site, "b c")
+    assert Fetcher(MUCH_S)(row.after) == b"there"
+    with pytest.raises(ImageError, match=r"a\.png\?e=1 does not exist; check the address"):
+        Fetcher(MUCH_S)(f"{site}/a.png?e=1")

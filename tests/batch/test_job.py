@@ -151,6 +151,19 @@ def files_of(street: Path, out: Path, toy: ModuleType) -> list[Path]:
     return sorted(out.glob("p*/*"))
 
 
+def test_a_flipped_byte_anywhere_in_a_pairs_files_makes_that_pair_again_and_no_other(
+    street: Path, tmp_path: Path, toy: ModuleType
+) -> None:
+    for path in files_of(street, tmp_path / "out", toy):
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 1
+        path.write_bytes(content)
+        progress = Counting()
+        run(street / "pairs.csv", tmp_path / "out", options=quick(toy), progress=progress)
+        assert computed(progress) == [path.parent.name]
+        assert path.read_bytes() != bytes(content)
+
+
 def test_a_pairs_files_are_on_the_disk_before_the_journal_says_so(
     street: Path, tmp_path: Path, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -125,6 +125,8 @@ def test_a_pair_is_known_while_its_files_are_there(tmp_path: Path) -> None:
         assert [task.known for task in tasks(journal, tmp_path, "mask.png", "x")] == [None, None]
         (tmp_path / "a" / "x").touch()  # not of this comparison
         assert [task.known for task in tasks(journal, tmp_path, "mask.png", "x")] == [None, None]
+        (tmp_path / "a" / "mask.png").write_bytes(b"12346")
+        assert [task.known for task in tasks(journal, tmp_path, "mask.png")] == [None, None]
         (tmp_path / "a" / "mask.png").write_bytes(b"1234")
         assert [task.known for task in tasks(journal, tmp_path, "mask.png")] == [None, None]
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 # Requests under way, hanging ones included: Python cannot end a thread that hangs.
 MAX_REQUESTS = 64
 MAX_REASON = 200  # characters of another library's message
+HTTP = ("http", "https")
+HTTP_HINT = "run: pip install 'zeroscd[http]'"
 
 
 def is_remote(address: str) -> bool:
@@ -45,7 +47,20 @@ def path_of(address: str) -> str:
         return address
     scheme, _, path = address.partition("::")[0].partition("://")
     path = path.partition("?")[0]
-    return unquote(path.partition("#")[0]) if scheme in ("http", "https") else path
+    return unquote(path.partition("#")[0]) if scheme in HTTP else path
+
+
+def missing_package(address: str, error: ImportError) -> str:
+    """Return what to install where fsspec misses a package to open an address.
+
+    Example:
+        >>> missing_package("https://host/a.jpg", ImportError("..."))
+        "http(s) addresses need aiohttp and requests; run: pip install 'zeroscd[http]'"
+    """
+    schemes = {part.partition("://")[0] for part in address.split("::")}
+    if schemes.isdisjoint(HTTP):
+        return " ".join(str(error).split())  # fsspec names its package: "Install s3fs to access S3"
+    return f"http(s) addresses need aiohttp and requests; {HTTP_HINT}"
 
 
 def resolve(address: str, *, base: str) -> str:
@@ -136,6 +151,8 @@ def _explain(address: str, error: BaseException) -> str:
     name = one_line(address)
     if isinstance(error, FileNotFoundError):
         return f"{name} does not exist; check the address"
+    if isinstance(error, ImportError):
+        return f"{name} cannot be read: {missing_package(address, error)}"
     text = " ".join(str(error).split())[:MAX_REASON]
     reason = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return f"{name} cannot be read ({reason}); check the address and your rights"

@@ -12,6 +12,7 @@ from zeroscd.batch.address import resolve
 from zeroscd.batch.names import safe_name, stem
 from zeroscd.batch.task import Row, Task
 from zeroscd.errors import OutputError
+from zeroscd.fingerprint import digest
 from zeroscd.output import cannot_write
 from zeroscd.text import is_text
 
@@ -101,7 +102,8 @@ class Journal:
         Args:
             base: What relative addresses are relative to.
             folder: Holds the pairs' folders.
-            files: Names of the files that a pair must have there, whole, to count as known.
+            files: Names of the files that a pair must have there, as they were written, to count
+                as known; they are read to know that.
         """
         query = (
             "SELECT row, todo.name, before, after, key, content FROM todo LEFT JOIN done "
@@ -128,7 +130,7 @@ class Journal:
                 content = {
                     "pair": dict(outcome.pair),
                     "changes": [*outcome.changes],
-                    "sizes": {name: len(data) for name, data in outcome.files.items()},
+                    "digests": {name: digest([data]) for name, data in outcome.files.items()},
                 }
                 packed = zlib.compress(json.dumps(content).encode(), level=1)
                 self._database.execute(
@@ -225,18 +227,24 @@ class Journal:
 
 
 def _is_complete(packed: bytes, folder: Path, files: Sequence[str]) -> bool:
-    """Return whether a comparison can be read and its files are there at their full sizes."""
+    """Return whether a comparison can be read and its files are there as they were written."""
     try:
-        sizes = _unpack(packed)["sizes"]
+        digests = _unpack(packed)["digests"]
     except Exception:  # damaged in whatever way, or of an older version
         return False
-    return all(_size(folder, name) == sizes.get(name) for name in files)
+    return all(name in digests and _holds(folder, name, digests[name]) for name in files)
 
 
-def _size(folder: Path, name: str) -> int:
+def _holds(folder: Path, name: str, expected: str) -> bool:
+    """Return whether a file has the content of this digest."""
     path = folder / name
     # A link may lead anywhere; what it leads to is not ours.
-    return path.stat().st_size if path.is_file() and not folder.is_symlink() else -1
+    if folder.is_symlink() or not path.is_file():
+        return False
+    try:
+        return digest([path.read_bytes()]) == expected
+    except OSError:
+        return False
 
 
 def _unpack(packed: bytes) -> Mapping[str, Any]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, BinaryIO, cast
 
-from zeroscd.batch.address import is_remote, path_of
+from zeroscd.batch.address import is_remote, missing_package, path_of
 from zeroscd.batch.names import stem
 from zeroscd.batch.readers import read_csv, read_jsonl, read_parquet
 from zeroscd.batch.task import Row
@@ -98,13 +98,13 @@ def open_folders(before: str | Path, after: str | Path) -> Manifest:
 
 
 def _rows(address: str, read: Callable[[BinaryIO], Iterable[Row]]) -> Generator[Row]:
-    name = one_line(address)
-    with _own_errors(name), _open(address) as file:
+    with _own_errors(address), _open(address) as file:
         yield from read(file)
 
 
 @contextmanager
-def _own_errors(name: str) -> Iterator[None]:
+def _own_errors(address: str) -> Iterator[None]:
+    name = one_line(address)
     try:
         yield
     except OSError as error:
@@ -113,7 +113,10 @@ def _own_errors(name: str) -> Iterator[None]:
     except UnicodeDecodeError as error:
         message = f"{name} is not UTF-8 text; save it as UTF-8"
         raise DatasetError(message) from error
-    except (csv.Error, ImportError, ValueError) as error:  # ValueError: pyarrow, fsspec, our own
+    except ImportError as error:
+        message = f"cannot read {name}: {missing_package(address, error)}"
+        raise DatasetError(message) from error
+    except (csv.Error, ValueError) as error:  # ValueError: pyarrow, fsspec, our own
         message = f"cannot read {name}: {' '.join(str(error).split())}"
         raise DatasetError(message) from error
 
@@ -133,7 +136,7 @@ def _parent(address: str) -> str:
 
 
 def _photos_in(folder: str) -> PhotoFiles:
-    with _own_errors(one_line(folder)):
+    with _own_errors(folder):
         names = _list_remote(folder) if is_remote(folder) else _list_local(Path(folder))
     return photo_files(sorted(names))
 

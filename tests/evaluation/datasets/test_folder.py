@@ -87,3 +87,39 @@ def test_what_does_not_count_lies_beside_the_masks_of_some_pairs(
     assert [pair.ignore for pair in dataset.pairs] == [None, path, None]
     assert dataset.layout.endswith(", ignore/ does not count")
     assert dataset.notes == ("ignored 1 files without partners: added/z.png",)
+
+
+@pytest.fixture
+def without_heic(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("zeroscd.images.heif.is_available", lambda: False)
+
+
+@pytest.mark.usefixtures("without_heic")
+def test_photos_of_kinds_that_are_not_read_are_counted_and_named(tiny_folder: Path) -> None:
+    for name in ("t0/IMG_7.HEIC", "t1/IMG_7.HEIC", "ignore/IMG_7.psd"):
+        (tiny_folder / name).parent.mkdir(exist_ok=True)
+        (tiny_folder / name).touch()
+    dataset = open_dataset("folder", tiny_folder)
+    assert [pair.stem for pair in dataset.pairs] == ["a", "b", "c"]
+    assert dataset.notes == (
+        "left out 3 photos of kinds that are not read here (IMG_7.HEIC, IMG_7.HEIC, IMG_7.psd); "
+        "convert to JPEG, or for HEIC run: pip install 'zeroscd[heic]'",
+    )
+
+
+@pytest.mark.usefixtures("without_heic")
+def test_a_pair_with_a_photo_that_is_not_read_is_incomplete_and_one_learns_why(
+    tiny_folder: Path,
+) -> None:
+    (tiny_folder / "t0" / "b.png").rename(tiny_folder / "t0" / "b.heic")
+    with pytest.raises(DatasetError, match=r"tiny is incomplete: .*\(b\.heic\).*zeroscd\[heic\]"):
+        open_dataset("folder", tiny_folder)
+
+
+@pytest.mark.usefixtures("without_heic")
+def test_a_data_set_of_nothing_but_photos_that_are_not_read_says_so(tmp_path: Path) -> None:
+    for part in ("t0", "t1", "mask"):
+        (tmp_path / part).mkdir()
+        (tmp_path / part / "a.heic").touch()
+    with pytest.raises(DatasetError, match=r"left out 3 photos .*zeroscd\[heic\]"):
+        open_dataset("folder", tmp_path)

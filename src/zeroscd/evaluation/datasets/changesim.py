@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
-from zeroscd.evaluation.datasets.tree import join, shorten, stray_note, wrong_layout
+from zeroscd.evaluation.datasets.tree import LeftOut, join, shorten, wrong_layout
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,10 +30,10 @@ def open_root(root: Path, name: str) -> Dataset:
     if not sequences:
         raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     pairs: list[PairFiles] = []
-    stray: tuple[str, ...] = ()
+    left_out = LeftOut()
     for sequence in sequences:
         joined = join(*(sequence / part for part in PARTS))
-        stray += joined.stray
+        left_out += joined.left_out
         place = f"{sequence.parent.name}_{sequence.name}"
         pairs += [
             PairFiles(stem=f"{place}_{stem}", before=before, after=after, mask=mask)
@@ -51,7 +51,7 @@ def open_root(root: Path, name: str) -> Dataset:
         pairs=tuple(pairs),
         notes=(
             "published tables give mean IoU over both classes, not F1",
-            *stray_note(stray),
+            *left_out.notes,
         ),
     )
 

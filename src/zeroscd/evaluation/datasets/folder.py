@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, get_args
 
 from zeroscd.errors import DatasetError
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
-from zeroscd.evaluation.datasets.tree import images_in, join, stray_note, wrong_layout
+from zeroscd.evaluation.datasets.tree import (
+    LeftOut,
+    Pictures,
+    join,
+    pictures_in,
+    short_names,
+    wrong_layout,
+)
+from zeroscd.images.folder import unread_warning
 from zeroscd.records import Frame
 
 if TYPE_CHECKING:
@@ -32,19 +40,24 @@ def open_root(root: Path, name: str = "folder") -> Dataset:
         raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
     joined = join(*folders)
     if not joined.rows:
-        raise wrong_layout(name, root, expected=EXPECTED, source="no name is in all three folders")
-    removed, added, ignore = (_optional(root / part) for part in OPTIONAL)
-    unpaired = tuple(
-        f"{part}/{path.name}"
-        for part, files in zip(OPTIONAL, (removed, added, ignore), strict=True)
-        for stem, path in files.items()
-        if stem not in joined.rows
+        why = unread_warning(joined.left_out.unread) or "no name is in all three folders"
+        raise wrong_layout(name, root, expected=EXPECTED, source=why)
+    optional = [_optional(root / part) for part in OPTIONAL]
+    removed, added, ignore = (found.files for found in optional)
+    unpaired = LeftOut(
+        short_names(
+            path
+            for found in optional
+            for stem, path in found.files.items()
+            if stem not in joined.rows
+        ),
+        short_names(path for found in optional for path in found.unread),
     )
-    left_out = ", ignore/ does not count" if ignore else ""
+    uncounted = ", ignore/ does not count" if ignore else ""
     return Dataset(
         name=name,
         root=root,
-        layout=f"t0/ t1/ mask/ with equal names, white = changed{left_out}",
+        layout=f"t0/ t1/ mask/ with equal names, white = changed{uncounted}",
         frame=_mask_frame(root / "dataset.json"),
         code="white",
         pairs=tuple(
@@ -59,12 +72,12 @@ def open_root(root: Path, name: str = "folder") -> Dataset:
             )
             for stem, (before, after, mask) in joined.rows.items()
         ),
-        notes=stray_note((*joined.stray, *unpaired)),
+        notes=(joined.left_out + unpaired).notes,
     )
 
 
-def _optional(folder: Path) -> dict[str, Path]:
-    return images_in(folder) if folder.is_dir() else {}
+def _optional(folder: Path) -> Pictures:
+    return pictures_in(folder) if folder.is_dir() else Pictures({}, ())
 
 
 def _mask_frame(path: Path) -> Frame:

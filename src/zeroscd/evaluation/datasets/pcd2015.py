@@ -11,10 +11,10 @@ from zeroscd.evaluation.datasets.masks import read_mask
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
 from zeroscd.evaluation.datasets.tree import (
     Joined,
+    LeftOut,
     count_note,
     first_holding,
     join,
-    stray_note,
     wrong_layout,
 )
 
@@ -82,19 +82,19 @@ def _published(root: Path, name: str, joined: Joined, truth: str) -> Dataset:
         ),
         layout=f"as published (t0/ t1/ {truth}/, black = changed)",
         code="black",
-        notes=(*count_note(len(joined.rows), PAIRS), *stray_note(joined.stray)),
+        notes=(*count_note(len(joined.rows), PAIRS), *joined.left_out.notes),
     )
 
 
 def _crops(root: Path, name: str) -> Dataset:
     pairs: list[PairFiles] = []
-    stray: tuple[str, ...] = ()
+    left_out = LeftOut()
     for fold in range(FOLDS):
         folder = root / f"set{fold}" / "test"
         if not folder.is_dir():
             raise wrong_layout(name, root, expected=EXPECTED, source=f"{folder} is missing")
         joined = join(folder / "t0", folder / "t1", folder / "mask")
-        stray += joined.stray
+        left_out += joined.left_out
         for stem, (before, after, mask) in joined.rows.items():
             if stem.isdecimal() and int(stem) % CROP_ROTATIONS:
                 continue
@@ -108,7 +108,7 @@ def _crops(root: Path, name: str) -> Dataset:
         code="white",
         notes=(
             "crops of TSUNAMI and GSV may be mixed here; not comparable with whole panoramas",
-            *stray_note(stray),
+            *left_out.notes,
         ),
     )
 

@@ -9,7 +9,6 @@ from zeroscd.evaluation.datasets.tree import (
     count_note,
     first_holding,
     join,
-    stray_note,
     wrong_layout,
 )
 
@@ -50,6 +49,6 @@ def open_root(root: Path, name: str) -> Dataset:
         notes=(
             "all pairs are evaluated, whole; published tables use a test split and 224 px crops",
             *count_note(len(joined.rows), PAIRS),
-            *stray_note(joined.stray),
+            *joined.left_out.notes,
         ),
     )

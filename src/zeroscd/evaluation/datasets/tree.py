@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 from zeroscd.errors import DatasetError
-from zeroscd.images.read import SUFFIXES
+from zeroscd.images.folder import photo_files, unread_warning
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
 MAX_NAMES = 5  # named in a message before it says "and N more"
@@ -21,23 +21,58 @@ class Joined:
 
     Attributes:
         rows: stem -> one file for each folder, stems in sorted order.
-        stray: Files that have no partner in any other folder.
+        left_out: Files that are in no row.
     """
 
     rows: Mapping[str, tuple[Path, ...]]
-    stray: tuple[str, ...]
+    left_out: LeftOut
 
 
-def images_in(folder: Path) -> dict[str, Path]:
-    """Return the pictures of a folder by stem, in sorted order; other files are ignored.
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """Files that are in no pair, as FOLDER/NAME.
+
+    Attributes:
+        stray: Pictures that have no partner in any other folder.
+        unread: Pictures of kinds that are not read here.
+    """
+
+    stray: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
+
+    def __add__(self, other: LeftOut) -> LeftOut:
+        return LeftOut(self.stray + other.stray, self.unread + other.unread)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each kind that there is."""
+        stray = f"ignored {len(self.stray)} files without partners: {shorten(self.stray)}"
+        unread = unread_warning(self.unread)
+        return (*((stray,) if self.stray else ()), *((unread,) if unread else ()))
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """The pictures of a folder, in sorted order.
+
+    Attributes:
+        files: Those that can be read, by stem.
+        unread: Those of kinds that are not read here.
+    """
+
+    files: Mapping[str, Path]
+    unread: tuple[Path, ...]
+
+
+def pictures_in(folder: Path) -> Pictures:
+    """Return the pictures of a folder; other files are ignored.
 
     Raises:
         DatasetError: Two pictures differ only in their suffix, or the folder cannot be read.
     """
+    listed = photo_files(path.name for path in _children(folder))
     found: dict[str, Path] = {}
-    for path in _children(folder):
-        if path.suffix.lower() not in SUFFIXES or path.name.startswith("."):
-            continue
+    for path in (folder / name for name in listed.photos):
         if path.stem in found:
             message = (
                 f"{folder} holds both {found[path.stem].name} and {path.name}; "
@@ -45,7 +80,7 @@ def images_in(folder: Path) -> dict[str, Path]:
             )
             raise DatasetError(message)
         found[path.stem] = path
-    return found
+    return Pictures(found, tuple(folder / name for name in listed.unread))
 
 
 def join(*folders: Path) -> Joined:
@@ -57,18 +92,30 @@ def join(*folders: Path) -> Joined:
     Raises:
         DatasetError: An incomplete pair.
     """
-    files = [images_in(folder) for folder in folders]
+    pictures = [pictures_in(folder) for folder in folders]
     rows: dict[str, tuple[Path, ...]] = {}
-    stray: list[str] = []
-    for stem in sorted(set().union(*files)):
-        here = [found[stem] for found in files if stem in found]
+    stray: list[Path] = []
+    for stem in sorted(set().union(*(found.files for found in pictures))):
+        here = [found.files[stem] for found in pictures if stem in found.files]
         if len(here) == len(folders):
             rows[stem] = tuple(here)
         elif len(here) == 1:
-            stray.append(f"{here[0].parent.name}/{here[0].name}")
+            stray += here
         else:
-            _refuse_incomplete(stem, folders, files)
-    return Joined(rows, tuple(stray))
+            _refuse_incomplete(stem, folders, pictures)
+    unread = [path for found in pictures for path in found.unread]
+    return Joined(rows, LeftOut(short_names(stray), short_names(unread)))
+
+
+def short_names(paths: Iterable[Path]) -> tuple[str, ...]:
+    """Return paths as FOLDER/NAME.
+
+    Example:
+        >>> from pathlib import Path
+        >>> short_names([Path("root/t0/a.png")])
+        ('t0/a.png',)
+    """
+    return tuple(f"{path.parent.name}/{path.name}" for path in paths)
 
 
 def first_holding(root: Path, *below: str, holding: tuple[str, ...]) -> Path | None:
@@ -82,11 +129,6 @@ def first_holding(root: Path, *below: str, holding: tuple[str, ...]) -> Path | N
 def count_note(found: int, published: int) -> tuple[str, ...]:
     """Return one sentence when the data set is not as large as published, or nothing."""
     return () if found == published else (f"{found} pairs on disk, {published} as published",)
-
-
-def stray_note(stray: tuple[str, ...]) -> tuple[str, ...]:
-    """Return one sentence about ignored files, or nothing."""
-    return (f"ignored {len(stray)} files without partners: {shorten(stray)}",) if stray else ()
 
 
 def wrong_layout(name: str, root: Path, *, expected: str, source: str) -> DatasetError:
@@ -124,6 +166,11 @@ def _children(folder: Path) -> list[Path]:
         raise DatasetError(message) from error
 
 
-def _refuse_incomplete(stem: str, folders: tuple[Path, ...], files: list[dict[str, Path]]) -> None:
-    missing = [folder for folder, found in zip(folders, files, strict=True) if stem not in found]
-    refuse_missing(folders[0].parent, ", ".join(f"{folder.name}/{stem}.*" for folder in missing))
+def _refuse_incomplete(stem: str, folders: tuple[Path, ...], pictures: list[Pictures]) -> None:
+    both = list(zip(folders, pictures, strict=True))
+    unread = short_names(path for _, found in both for path in found.unread if path.stem == stem)
+    if unread:
+        message = f"{folders[0].parent} is incomplete: {unread_warning(unread)}"
+        raise DatasetError(message)
+    missing = [folder.name for folder, found in both if stem not in found.files]
+    refuse_missing(folders[0].parent, ", ".join(f"{name}/{stem}.*" for name in missing))

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 from zeroscd.evaluation.datasets.port import Dataset, PairFiles
 from zeroscd.evaluation.datasets.tree import (
     Joined,
+    LeftOut,
     count_note,
     first_holding,
-    images_in,
     join,
+    pictures_in,
     refuse_missing,
-    stray_note,
+    short_names,
     wrong_layout,
 )
 
@@ -53,7 +54,7 @@ def open_root(root: Path, name: str) -> Dataset:
         joined = join(*(prepared / part for part in parts))
         upright = {stem: row for stem, row in joined.rows.items() if _is_upright(stem)}
         layout = "prepared distribution (test/{t0,t1,mask}, white = changed)"
-        return _dataset(root, name, Joined(upright, joined.stray), layout=layout, code="white")
+        return _dataset(root, name, Joined(upright, joined.left_out), layout=layout, code="white")
     sequences = _raw_sequences(root)
     if not sequences:
         raise wrong_layout(name, root, expected=EXPECTED, source=SOURCE)
@@ -81,7 +82,7 @@ def _dataset(root: Path, name: str, joined: Joined, *, layout: str, code: MaskCo
             "only objects of the t0 photo are labelled: by itself compared with removed only",
             "black areas at the border, left by warping, do not count",
             *count_note(len(joined.rows), TEST_PAIRS),
-            *stray_note(joined.stray),
+            *joined.left_out.notes,
         ),
     )
 
@@ -112,15 +113,19 @@ def _sequences_in(folder: Path) -> list[Path]:
 
 def _join_raw(sequences: list[Path]) -> Joined:
     rows: dict[str, tuple[Path, ...]] = {}
-    stray: list[str] = []
+    left_out = LeftOut()
     for sequence in sequences:
-        photos = images_in(sequence / "RGB")
-        truths = images_in(sequence / "GT")
-        numbers = {stem.removeprefix("gt") for stem in truths if stem.startswith("gt")}
+        pictures, truths = pictures_in(sequence / "RGB"), pictures_in(sequence / "GT")
+        photos = dict(pictures.files)
+        numbers = {stem.removeprefix("gt") for stem in truths.files if stem.startswith("gt")}
         for number in sorted(numbers):
             before, after = photos.pop(f"1_{number}", None), photos.pop(f"2_{number}", None)
             if before is None or after is None:
                 refuse_missing(sequence, f"RGB/{1 if before is None else 2}_{number}.png")
-            rows[f"{sequence.name}_1_{number}"] = (before, after, truths[f"gt{number}"])
-        stray += [f"{sequence.name}/RGB/{path.name}" for path in photos.values()]
-    return Joined(rows, tuple(stray))
+            rows[f"{sequence.name}_1_{number}"] = (before, after, truths.files[f"gt{number}"])
+        unread = short_names((*pictures.unread, *truths.unread))
+        left_out += LeftOut(
+            tuple(f"{sequence.name}/{name}" for name in short_names(photos.values())),
+            tuple(f"{sequence.name}/{name}" for name in unread),
+        )
+    return Joined(rows, left_out)
