@@ -162,7 +162,8 @@ class Region:
         frame: The photo in whose pixels the geometry is given ("t0" for removed).
         area_px: Number of pixels.
         bbox_xywh: Left, top, width, height.
-        polygon_xy: Outer outlines, each a list of (x, y).
+        polygon_xy: Outer outlines, holes filled, each a valid polygon of (x, y); whole numbers are
+            corners of pixels, as in `bbox_xywh`.
         rle: COCO run lengths, {"size": [H, W], "counts": compressed text}.
         support: 0..1, how well the change is supported by its surroundings; `judge` decides how
             much is needed.

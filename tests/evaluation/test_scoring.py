@@ -44,7 +44,7 @@ def box(left: int, right: int) -> NDArray[np.bool_]:
 
 
 def region(kind: Kind, left: int, right: int) -> Region:
-    corners = ((left, 10), (right - 1, 10), (right - 1, 19), (left, 19))
+    corners = ((left, 10), (right, 10), (right, 20), (left, 20))
     return Region(
         id=1,
         kind=kind,

@@ -28,7 +28,7 @@ def box(x: int, y: int, w: int, h: int) -> np.ndarray:
 
 def region(number: int, kind: str, xywh: tuple[int, int, int, int], score: float) -> Region:
     x, y, w, h = xywh
-    ring = ((x, y), (x + w - 1, y), (x + w - 1, y + h - 1), (x, y + h - 1))
+    ring = ((x, y), (x + w, y), (x + w, y + h), (x, y + h))
     return Region(
         id=number,
         kind=kind,  # type: ignore[arg-type]

@@ -49,7 +49,7 @@ def test_regions_come_back_from_the_file_as_they_were(
         "score": 0.91,
         "area_px": 200,
         "bbox_xywh": [5, 10, 20, 10],
-        "polygon_xy": [[[5, 10], [24, 10], [24, 19], [5, 19]]],
+        "polygon_xy": [[[5, 10], [25, 10], [25, 20], [5, 20]]],
         "frame": "t0",
         "support": 0.6,
         "at_border": False,

@@ -24,8 +24,8 @@ def shown(result: ChangeResult) -> Viewer:
 def test_outlines_are_carried_into_the_frame(result: ChangeResult) -> None:
     removed, added = shown(result).shapes
     # t0 corner (5, 10) lies at (15, 10) in t1.
-    assert np.allclose(removed.rings_xy, [[(15, 10), (34, 10), (34, 19), (15, 19)]])
-    assert np.allclose(added.rings_xy, [[(50, 30), (57, 30), (57, 37), (50, 37)]])
+    assert np.allclose(removed.rings_xy, [[(15, 10), (35, 10), (35, 20), (15, 20)]])
+    assert np.allclose(added.rings_xy, [[(50, 30), (58, 30), (58, 38), (50, 38)]])
     assert (removed.id, removed.kind, removed.score) == (1, "removed", 0.91)
 
 

@@ -23,9 +23,8 @@ def shape(*ring: tuple[float, float], number: int = 1) -> Shape:
 
 def test_a_number_sits_on_the_top_of_its_region() -> None:
     ((_, left, top),) = viewer(shape((57, 37), (50, 30), (57, 30.5))).chips
-    # SVG counts from a pixel's corner, polygons from its centre.
-    assert left == pytest.approx(100 * 50.5 / 80)
-    assert top == pytest.approx(100 * 30.5 / 60)
+    assert left == pytest.approx(100 * 50 / 80)
+    assert top == pytest.approx(100 * 30 / 60)
 
 
 def test_a_number_is_never_hidden_by_the_edge_of_the_picture() -> None:

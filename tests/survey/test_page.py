@@ -89,7 +89,7 @@ def test_an_outline_of_a_removed_thing_lies_on_the_photo_before(
     text = render_page(content(ComparedPair(pair(), (change(kind="removed", frame="t0"),))))
     before, after = re.findall(r'<svg class="shapes".*?</svg>', text)
     assert 'data-kind="removed"' in before
-    assert 'd="M10.5,10.5 20.5,10.5 20.5,20.5 10.5,20.5Z"' in before
+    assert 'd="M10.0,10.0 20.0,10.0 20.0,20.0 10.0,20.0Z"' in before
     assert "data-kind" not in after
 
 

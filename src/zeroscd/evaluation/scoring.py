@@ -195,6 +195,8 @@ def _histogram(values: NDArray[np.float32]) -> tuple[int, ...]:
 def _region_mask(region: Region, result: ChangeResult) -> Mask:
     whole = result.removed if region.kind == "removed" else result.added
     canvas = np.zeros(whole.shape, dtype=np.uint8)
-    polygons = [np.array(polygon, dtype=np.int32) for polygon in region.polygon_xy]
-    cv2.fillPoly(canvas, polygons, (1,))
+    for ring in region.polygon_xy:
+        # OpenCV also fills the pixels right of and below the outline: none of the mask's, as those
+        # would belong to the region.
+        cv2.fillPoly(canvas, [np.array(ring, dtype=np.int32)], (1,))
     return canvas.astype(bool) & whole

@@ -71,5 +71,9 @@ def to_viewer(
 
 def to_shape(region: Region, view: CommonFrame) -> Shape:
     """Carry a region's outline into the view."""
-    rings = [view.carry(np.array(ring), frame=region.frame).tolist() for ring in region.polygon_xy]
+    rings = [
+        # Corners of pixels are whole numbers; homographies count from their centres.
+        (view.carry(np.array(ring) - 0.5, frame=region.frame) + 0.5).tolist()
+        for ring in region.polygon_xy
+    ]
     return Shape(id=region.id, kind=region.kind, score=region.score, rings_xy=rings)

@@ -18,7 +18,7 @@ class Shape:
         id: Number of the region, from 1.
         kind: "removed" or "added".
         score: 0..1.
-        rings_xy: Outer rings and holes, in pixels of the picture, centres at whole numbers.
+        rings_xy: Rings, in pixels of the picture, whose upper left corners are whole numbers.
     """
 
     id: int
@@ -59,21 +59,18 @@ class Viewer:
         height, width = self.size_hw
         tops = [(shape, _topmost(shape)) for shape in self.shapes[:MAX_CHIPS]]
         return [
-            (shape, _inside(100 * (x + 0.5) / width), _inside(100 * (y + 0.5) / height))
-            for shape, (x, y) in tops
+            (shape, _inside(100 * x / width), _inside(100 * y / height)) for shape, (x, y) in tops
         ]
 
 
 def svg_path(rings_xy: Sequence[Ring]) -> str:
-    """Return rings as the data of an SVG path.
-
-    Half a pixel more: SVG counts from a pixel's corner, polygons from its centre.
+    """Return rings as the data of an SVG path, which counts from a pixel's corner as they do.
 
     Example:
-        >>> svg_path([[(0, 0), (4, 0), (4, 2.25)]])
-        'M0.5,0.5 4.5,0.5 4.5,2.8Z'
+        >>> svg_path([[(0, 0), (4, 0), (4, 2.26)]])
+        'M0.0,0.0 4.0,0.0 4.0,2.3Z'
     """
-    return "".join(f"M{' '.join(f'{x + 0.5:.1f},{y + 0.5:.1f}' for x, y in r)}Z" for r in rings_xy)
+    return "".join(f"M{' '.join(f'{x:.1f},{y:.1f}' for x, y in ring)}Z" for ring in rings_xy)
 
 
 def _topmost(shape: Shape) -> tuple[float, float]:

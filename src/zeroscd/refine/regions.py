@@ -11,6 +11,7 @@ import numpy as np
 from pycocotools import mask as coco
 
 from zeroscd.records import Region, Segment
+from zeroscd.refine.polygons import outer_polygons
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -75,7 +76,7 @@ def _regions(parts: Iterable[Part], unseen: Mask, *, kind: Kind, frame: Frame) -
             frame=frame,
             area_px=segment.area_px,
             bbox_xywh=segment.bbox_xywh,
-            polygon_xy=_polygons(inside, offset_xy=segment.bbox_xywh[:2]),
+            polygon_xy=outer_polygons(inside, offset_xy=segment.bbox_xywh[:2]),
             rle=encode_rle(segment.mask((unseen.shape[0], unseen.shape[1]))),
             support=support,
             at_border=bool(at_border_px > MOSTLY * segment.area_px),
@@ -88,18 +89,6 @@ def _border(unseen: Mask) -> Mask:
         return unseen
     away_px = cv2.distanceTransform((~unseen).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
     return np.asarray(away_px <= BORDER_WIDTH * math.sqrt(unseen.size))
-
-
-def _polygons(
-    inside: Mask, *, offset_xy: tuple[int, int]
-) -> tuple[tuple[tuple[int, int], ...], ...]:
-    outlines, _ = cv2.findContours(
-        inside.astype(np.uint8),
-        cv2.RETR_EXTERNAL,
-        cv2.CHAIN_APPROX_SIMPLE,
-        offset=offset_xy,
-    )
-    return tuple(tuple((int(x), int(y)) for x, y in outline[:, 0]) for outline in outlines)
 
 
 def encode_rle(mask: Mask) -> Mapping[str, object]:

@@ -33,7 +33,7 @@ EXAMPLE: dict[str, JsonValue] = {
             "score": 0.93,
             "area_px": 6,
             "bbox_xywh": [10, 20, 3, 2],
-            "polygon_xy": [[[10, 20], [12, 20], [12, 21], [10, 21]]],
+            "polygon_xy": [[[10, 20], [10, 22], [13, 22], [13, 20]]],
             "rle": {"size": [640, 768], "counts": "d^<2\\e0:0"},
             "frame": "t0",
             "support": 0.84,
