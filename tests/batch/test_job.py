@@ -67,7 +67,8 @@ def test_rows_folders_and_pixels_agree_with_the_detector(
     for number, row in enumerate(pairs):
         names = (f"t0/{number}.png", f"t1/{number}.png")
         expected = toy.make().detect(*(street / name for name in names))
-        assert (row["row"], row["before"], row["after"]) == (number + 1, *names)
+        paths = [f"../street/{name}" for name in names]
+        assert (row["row"], row["before"], row["after"]) == (number + 1, *paths)
         assert (row["status"], row["error"]) == ("ok", None)
         assert row["regions"] == len(expected.regions)
         assert row["changed_fraction"] == expected.changed_fraction
@@ -82,7 +83,7 @@ def test_rows_folders_and_pixels_agree_with_the_detector(
         with Image.open(out / row["pair"] / "mask.png") as mask:
             assert ((np.asarray(mask) > 0) == expected.mask).all()
         saved = json.loads((out / row["pair"] / "changes.json").read_text())
-        assert saved["before"]["path"] == str(street / names[0])
+        assert saved["before"]["path"] == f"../{paths[0]}"
 
 
 @pytest.mark.slow

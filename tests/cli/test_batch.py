@@ -107,11 +107,12 @@ def test_a_batch_says_what_was_done_and_where_it_lies(
 def test_options_reach_the_batch(manifest: Path, tmp_path: Path, asked: Asked) -> None:
     words = [
         *("--preset", "lite", "--set", "tau=0.6", "--device", "cpu", "--write", "json,coco"),
-        *("--workers", "2", "--timeout", "5", "--cache-mb", "1"),
+        *("--workers", "2", "--timeout", "5", "--cache-mb", "1", "--absolute-paths"),
     ]
     assert run(["batch", str(manifest), "-o", str(tmp_path / "out"), *words]) == 0
     options = asked.options
     assert (options.write, options.timeout_s, options.cache_bytes) == (("json", "coco"), 5.0, 2**20)
+    assert options.absolute_paths
     assert options.detector.args == ("lite",)
     assert options.detector.keywords == {"device": "cpu", "overrides": {"tau": "0.6"}}
     assert asked.engine == batch.Local(workers=2)

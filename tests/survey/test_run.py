@@ -57,10 +57,8 @@ def test_a_survey_finds_compares_and_reports(
     assert summary.matched == 2
     pairs = pq.read_table(out / "pairs.parquet").to_pylist()
     assert [pair["status"] for pair in pairs] == ["ok", "ok", "error"]
-    assert [str(pair["before"]).rpartition("/")[2] for pair in pairs[:2]] == [
-        "street 1.png",
-        "street 2.png",
-    ]
+    assert [pair["before"] for pair in pairs[:2]] == ["../old/street 1.png", "../old/street 2.png"]
+    assert [pair["after"] for pair in pairs] == [f"../new/{path.name}" for path in photos]
     assert pairs[2]["error"].startswith("no old photo shows this place")
     changes = pq.read_table(out / "changes.parquet").to_pylist()
     assert {change["pair"] for change in changes} == {"street 1"}
@@ -70,8 +68,14 @@ def test_a_survey_finds_compares_and_reports(
     assert features[0]["geometry"]["coordinates"] == pytest.approx([4.0001, 52.0])
     assert features[0]["properties"]["report"] == "street 1/report.html"
     assert (out / "street 1" / "report.html").exists()
+    assert features[0]["properties"]["before"] == "../old/street 1.png"
+    assert features[0]["properties"]["after"] == "../new/street 1.png"
 
     labels = json.loads((out / "coco.json").read_text())
+    assert {image["file_name"] for image in labels["images"]} <= {
+        "../old/street 1.png",
+        "../new/street 1.png",
+    }
     drawn = coco_mask.decode(labels["annotations"][0]["segmentation"]).astype(bool)
     truth = np.zeros((192, 256), bool)
     truth[32:80, 48:96] = True
@@ -82,6 +86,7 @@ def test_a_survey_finds_compares_and_reports(
     assert 'href="street%201/report.html"' in page
     assert 'src="thumbs/street%201-before.jpg"' in page
     assert (out / "thumbs" / "street 1-before.jpg").exists()
+    assert str(tmp_path) not in page
 
 
 def test_no_new_photo_is_called_like_a_file_of_the_survey(

@@ -48,12 +48,15 @@ class Options:
         write: Files for each pair's folder, names of `zeroscd.export.files.FILES`; may be empty.
         timeout_s: Longest wait for a remote photo, in seconds.
         cache_bytes: Memory for encoded photos, which other pairs may need again.
+        absolute_paths: Write paths of local photos from the root, not relative to the folder of the
+            file that holds them.
     """
 
     detector: Callable[[], Detector] = _lite
     write: tuple[str, ...] = DEFAULT_FILES
     timeout_s: float = 60.0
     cache_bytes: int = 256 * MEBIBYTE
+    absolute_paths: bool = False
 
 
 class PairComparer:
@@ -67,7 +70,9 @@ class PairComparer:
             options.cache_bytes, size_of=attrgetter("size_bytes")
         )
         self._encoding = [Lock() for _ in range(LOCKS)]
-        self._fingerprint = fingerprint(self._detector)
+        self._fingerprint = digest_values(
+            {"absolute": options.absolute_paths, "detector": fingerprint(self._detector)}
+        )
 
     @property
     def settings(self) -> Settings:
@@ -85,7 +90,11 @@ class PairComparer:
         Raises:
             ImageError: A photo cannot be read.
         """
-        files = [_File.read(address, self._fetch) for address in (task.before, task.after)]
+        addresses = (task.before, task.after)
+        files = [
+            _File.read(address, self._fetch, path=path)
+            for address, path in zip(addresses, task.paths or addresses, strict=True)
+        ]
         key = digest([self._fingerprint.encode(), *(file.digest.encode() for file in files)])
         if key == task.known:
             return Outcome(row=task.row, name=task.name, key=key, reused=True)
@@ -128,7 +137,7 @@ class PairComparer:
                 (encoded,) = self._detector.encode([decoded.pixels])
                 self._encoded.put(encoded, file.digest)
         # The same bytes may lie at several addresses.
-        return replace(encoded, photo=replace(encoded.photo, path=file.address)), hit
+        return replace(encoded, photo=replace(encoded.photo, path=file.path)), hit
 
     def _outcome(self, result: ChangeResult, notes: tuple[Exif, Exif]) -> Outcome:
         return Outcome(
@@ -155,13 +164,14 @@ def fingerprint(detector: Detector) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """The bytes of a photo's file."""
+    """The bytes of a photo's file, and its path as results hold it."""
 
     address: str
+    path: str
     content: bytes
     digest: str
 
     @classmethod
-    def read(cls, address: str, fetch: Fetcher) -> _File:
+    def read(cls, address: str, fetch: Fetcher, *, path: str) -> _File:
         content = fetch(address)
-        return cls(address, content, hashlib.sha256(content).hexdigest())
+        return cls(address, path, content, hashlib.sha256(content).hexdigest())

@@ -11,6 +11,7 @@ from zeroscd.batch.journal import CHANGES, OWN_FILES, PAIRS, Journal
 from zeroscd.batch.local import Local
 from zeroscd.batch.manifest import open_manifest
 from zeroscd.batch.task import Outcome
+from zeroscd.batch.written import WrittenPaths
 from zeroscd.errors import ZeroscdError
 from zeroscd.export.files import check_wanted, file_names
 from zeroscd.export.table import changes_schema, pairs_schema, write_parquet
@@ -105,18 +106,19 @@ def run(
     make_folder(folder)
     for name in OWN_FILES:
         refuse_link(folder / name)
+    paths = WrittenPaths(folder=folder, base=pairs.base, absolutely=chosen.absolute_paths)
     with Journal(folder) as journal:
         remove_parts(folder)
         summary = Summary(pairs=journal.begin(pairs.rows()))
         listener.begin(journal.remaining())
         tasks = journal.tasks(base=pairs.base, folder=folder, files=file_names(chosen.write))
-        for outcome in (engine or Local()).run(tasks, chosen):
+        for outcome in (engine or Local()).run(map(paths.in_task, tasks), chosen):
             kept = _write_files(outcome, folder / outcome.name)
             journal.record(kept)
             summary.count(kept)
             listener.advance(outcome.name, reused=outcome.reused)
         _check_complete(journal)
-        _write_tables(journal, folder, summary)
+        _write_tables(journal, paths, summary)
     return summary
 
 
@@ -145,12 +147,13 @@ def _check_complete(journal: Journal) -> None:
         raise ZeroscdError(message)
 
 
-def _write_tables(journal: Journal, folder: Path, summary: Summary) -> None:
+def _write_tables(journal: Journal, paths: WrittenPaths, summary: Summary) -> None:
     def counted() -> Iterator[dict[str, object]]:
         for row in journal.pair_rows():
             summary.failed += row["error"] is not None
             summary.first_error = summary.first_error or row["error"]
-            yield row
+            yield paths.in_row(row)
 
+    folder = paths.folder
     summary.regions = write_parquet(folder / CHANGES, journal.change_rows(), changes_schema())
     write_parquet(folder / PAIRS, counted(), pairs_schema())

@@ -36,6 +36,7 @@ class Task:
         before: Address of the t0 photo.
         after: Address of the t1 photo.
         known: Key of the comparison that an earlier run finished, if one did.
+        paths: The addresses as the pair's own files hold them; None = as they are.
     """
 
     row: int
@@ -43,6 +44,7 @@ class Task:
     before: str
     after: str
     known: str | None = None
+    paths: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

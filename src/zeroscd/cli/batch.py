@@ -10,6 +10,7 @@ import typer
 
 from zeroscd.cli.console import say, warn
 from zeroscd.cli.options import (
+    AbsolutePaths,
     Device,
     FailOnError,
     OutFolder,
@@ -62,6 +63,7 @@ def batch(
     ray_address: Annotated[
         str | None, typer.Option(help="Ray: a running cluster; a local one is started otherwise.")
     ] = None,
+    absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
 ) -> None:
     """Compare many pairs; writes OUT/changes.parquet, OUT/pairs.parquet and OUT/ID/ for each pair.
@@ -84,6 +86,7 @@ def batch(
         write=parse_files(write),
         timeout_s=timeout,
         cache_bytes=cache_mb * MEBIBYTE,
+        absolute_paths=absolute_paths,
     )
     pairs = find_pairs(manifest, after)
     warn_unread(pairs.unread)

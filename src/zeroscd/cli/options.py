@@ -40,6 +40,12 @@ Within = Annotated[
 FailOnError = Annotated[
     bool, typer.Option("--fail-on-error", help="Exit with 2 if any pair could not be compared.")
 ]
+AbsolutePaths = Annotated[
+    bool,
+    typer.Option(
+        "--absolute-paths", help="Write paths of photos from the root, not relative to OUT."
+    ),
+]
 
 
 def parse_overrides(pairs: list[str] | None) -> dict[str, str]:

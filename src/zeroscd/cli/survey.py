@@ -11,6 +11,7 @@ import typer
 from zeroscd.cli.batch import check_compared, parse_files, warn_unread
 from zeroscd.cli.console import busy, say, warn
 from zeroscd.cli.options import (
+    AbsolutePaths,
     Device,
     FailOnError,
     OutFolder,
@@ -54,6 +55,7 @@ def survey(
     cache_mb: Annotated[
         int, typer.Option(min=0, help="Memory for old photos that match several new ones.")
     ] = 256,
+    absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
 ) -> None:
     """Find the old photo of each new one, compare both, and report the changes.
@@ -85,6 +87,7 @@ def survey(
         detector=partial(Detector.from_preset, preset, device=device, overrides=overrides),
         write=wanted,
         cache_bytes=cache_mb * MEBIBYTE,
+        absolute_paths=absolute_paths,
     )
     try:
         with Bar("matching") as bar:

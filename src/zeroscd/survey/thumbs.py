@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from zeroscd.batch.address import Fetcher
+from zeroscd.batch.address import Fetcher, resolve
 from zeroscd.errors import ImageError
 from zeroscd.export.pictures import jpeg, thumbnail
 from zeroscd.images.read import read_photo
@@ -57,7 +57,7 @@ def draw_thumbs(compared: Iterable[ComparedPair], folder: Path) -> dict[str, lis
 
 def _draw(address: str, file: str, folder: Path, fetch: Fetcher) -> Thumb:
     try:
-        photo = read_photo(fetch(address))
+        photo = read_photo(fetch(resolve(address, base=str(folder))))
     except ImageError:  # gone since it was compared; the page shows its address instead
         return Thumb(None, (3, 4))
     small = thumbnail(photo.pixels, longest_px=MAX_SIDE_PX)
