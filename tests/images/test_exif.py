@@ -52,6 +52,28 @@ def test_south_and_west_are_negative(refs: tuple[str, str], expected: tuple[floa
 
 
 @pytest.mark.parametrize(
+    ("noted", "expected"),
+    [
+        (IFDRational(2715, 10), 271.5),
+        (0.0, 0.0),
+        (360.0, 0.0),  # some cameras count a full turn
+        (IFDRational(0, 0), None),
+        (IFDRational(1, 0), None),
+        (360.5, None),
+        ((90.0, 30.0), None),
+        (None, None),
+    ],
+)
+def test_the_heading_is_degrees_below_a_full_turn_or_none(
+    noted: object, expected: float | None
+) -> None:
+    notes = {16: "T", 17: noted} if noted is not None else {16: "T"}
+    found = read_exif(photo(gps={**BERN, **notes}))
+    assert found.heading_deg == expected
+    assert found.gps == pytest.approx((46.951, 7.44), abs=1e-9)
+
+
+@pytest.mark.parametrize(
     "gps",
     [
         {},

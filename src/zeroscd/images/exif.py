@@ -1,4 +1,4 @@
-"""Read where and when a photo was taken from its EXIF data."""
+"""Read where, when and in which direction a photo was taken from its EXIF data."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ EXIF_FOLDER, GPS_FOLDER = 0x8769, 0x8825
 # Of taking, then of digitising; never 0x0132, which is when the file was last changed.
 TIMES = ((0x9003, 0x9011), (0x9004, 0x9012))  # and the offset from UTC
 LAT_REF, LAT, LON_REF, LON = 1, 2, 3, 4
+HEADING = 17  # GPSImgDirection
 MINUTES, MOST_PARTS = 60, 3
+FULL_TURN = 360
 # Exif writes 2019:05:04 12:30:11; programs write ISO 8601 and mixtures of both.
 TIME = re.compile(
     r"(\d{4})([:/.-])(\d\d)\2(\d\d)[ T]+(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?(.*)", re.ASCII
@@ -37,26 +39,29 @@ ZONE = re.compile(r"Z|[+-](?:0\d|1[0-4]):?[0-5]\d", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exif:
-    """Position and time from a photo's EXIF data.
+    """Position, time and heading from a photo's EXIF data.
 
     Attributes:
         gps: Latitude and longitude in degrees, north and east positive (WGS 84).
         taken: ISO 8601 time by the camera's clock, with its offset from UTC where noted.
+        heading_deg: Direction in which the camera looked, 0 <= heading < 360, clockwise from north:
+            true or magnetic, whichever the camera noted.
     """
 
     gps: tuple[float, float] | None = None
     taken: str | None = None
+    heading_deg: float | None = None
 
 
 def read_exif(source: str | Path | bytes) -> Exif:
-    """Read place and time of a photo; whatever is missing, broken or ambiguous is None.
+    """Read place, time and heading of a photo; whatever is missing, broken or ambiguous is None.
 
     Args:
         source: A path, or a file's bytes.
 
     Example:
         >>> read_exif(b"no photo at all")
-        Exif(gps=None, taken=None)
+        Exif(gps=None, taken=None, heading_deg=None)
     """
     with suppress(ImageError):
         data = source if isinstance(source, bytes) else read_file(source)
@@ -65,8 +70,12 @@ def read_exif(source: str | Path | bytes) -> Exif:
             if not _has_notes(picture, data):
                 return Exif()
             notes = picture.getexif()
-            folder = notes.get_ifd(EXIF_FOLDER)
-            return Exif(gps=_place(notes.get_ifd(GPS_FOLDER)), taken=_time(folder) or _time(notes))
+            gps_notes = notes.get_ifd(GPS_FOLDER)
+            return Exif(
+                gps=_place(gps_notes),
+                taken=_time(notes.get_ifd(EXIF_FOLDER)) or _time(notes),
+                heading_deg=_heading(gps_notes),
+            )
     return Exif()
 
 
@@ -101,6 +110,17 @@ def _degrees(parts: Any, ref: Any, *, words: tuple[str, str], most: int) -> floa
     if max(values[1:], default=0) > MINUTES or value > most:
         return None
     return sign * value
+
+
+def _heading(tags: Mapping[int, Any]) -> float | None:
+    """Read the direction of view, one number of degrees."""
+    try:
+        values = _noted(tags.get(HEADING))
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    if len(values) != 1 or not 0 <= values[0] <= FULL_TURN:
+        return None
+    return values[0] % FULL_TURN
 
 
 def _noted(parts: Any) -> list[float]:  # noqa: ANN401 - as above
