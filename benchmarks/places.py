@@ -35,6 +35,7 @@ from zeroscd.images.exif import Exif
 from zeroscd.images.read import read_photo
 from zeroscd.retrieval import Nearby, PlaceIndex
 from zeroscd.retrieval import store as store_module
+from zeroscd.retrieval.candidates import ALL, Candidates
 from zeroscd.retrieval.database import PLACES, REFERENCE
 from zeroscd.retrieval.index import CANDIDATES, RECOGNISED
 from zeroscd.retrieval.rows import Entry
@@ -177,7 +178,7 @@ def speed(options: argparse.Namespace) -> tuple[str, dict[str, Any]]:
     exact = [one.place.vector for one in queries]
     figures["exact"], best = ask(store, exact)
     centre = (CORNER[0], CORNER[1])
-    figures["within 100 m"], _ = ask(store, exact, nearby=Nearby(centre, 100.0))
+    figures["within 100 m"], _ = ask(store, exact, among=Candidates(nearby=Nearby(centre, 100.0)))
     store_module.APPROXIMATE_FROM = options.count
     tidied: list[Times] = []
     timed(tidied, store.tidy)
@@ -201,13 +202,13 @@ def synthetic(real: Sequence[tuple[Entry, float]], number: int, rng: np.random.G
 
 
 def ask(
-    store: Store, vectors: Sequence[np.ndarray], *, nearby: Nearby | None = None
+    store: Store, vectors: Sequence[np.ndarray], *, among: Candidates = ALL
 ) -> tuple[dict[str, float], list[list[str]]]:
     """Time searches for the candidates of each vector; the first one warms up and is left out."""
-    store.nearest(vectors[0], CANDIDATES, nearby=nearby)
+    store.nearest(vectors[0], CANDIDATES, among=among)
     seconds: list[Times] = []
     found = [
-        timed(seconds, partial(store.nearest, vector, CANDIDATES, nearby=nearby))
+        timed(seconds, partial(store.nearest, vector, CANDIDATES, among=among))
         for vector in vectors
     ]
     return told(seconds), [[entry.path for entry, _ in matches] for matches in found]

@@ -71,6 +71,16 @@ def test_the_old_name_of_min_score_works_with_a_warning(
     assert "of the 1 needed" in captured.err
 
 
+def test_only_old_photos_of_the_days_asked_for_are_compared(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--old-until", "2020-01-01", "--write", "none"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "error: none of 2 pairs could be compared; the first: there is no old photo taken until "
+        "2020-01-01 (2 in the index do not say when they were taken)"
+    )
+
+
 def test_a_survey_that_compared_nothing_is_no_success(
     command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -91,6 +101,10 @@ def test_a_survey_that_compared_nothing_is_no_success(
     [
         (["--write", "everything"], "error: cannot write 'everything'; choose from"),
         (["--set", "colour=red"], "error: unknown setting 'colour'"),
+        (
+            ["--old-from", "2020-01-02", "--old-until", "2020-01-01"],
+            "error: no day is from 2020-01-02 until 2020-01-01; exchange --old-from and",
+        ),
         (["--preset", "huge"], "error: unknown preset 'huge'"),
     ],
 )

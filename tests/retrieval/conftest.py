@@ -67,7 +67,12 @@ def save_wall(tmp_path: Path) -> Callable[..., Path]:
     """Write a drawn wall as PNG below `photos`, with GPS notes if wanted."""
 
     def make(
-        name: str, seed: int, *, shift_px: int = 0, gps: tuple[float, float] | None = None
+        name: str,
+        seed: int,
+        *,
+        shift_px: int = 0,
+        gps: tuple[float, float] | None = None,
+        heading_deg: float | None = None,
     ) -> Path:
         path = tmp_path / "photos" / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -80,6 +85,8 @@ def save_wall(tmp_path: Path) -> Callable[..., Path]:
                 3: "E" if gps[1] >= 0 else "W",
                 4: (abs(gps[1]), 0.0, 0.0),
             }
+        if heading_deg is not None:
+            notes[GPS_FOLDER] = {16: "T", 17: heading_deg}
         picture.save(path, exif=notes)
         return path
 

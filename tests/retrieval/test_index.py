@@ -320,3 +320,23 @@ def test_a_head_trained_for_places_is_preferred_to_pooling(
     headless = PlaceIndex.create(tmp_path / "b", encoder=Trained(toy_encoder, None))
     plain = PlaceIndex.create(tmp_path / "c", encoder=toy_encoder)
     np.testing.assert_array_equal(headless.describe(wall(1)).vector, plain.describe(wall(1)).vector)
+
+
+def test_a_photo_that_looks_the_other_way_is_no_candidate(
+    index: PlaceIndex, save_wall: Callable[..., Path]
+) -> None:
+    index.add([save_wall("there.png", 5, heading_deg=200.0), save_wall("back.png", 6)])
+    new = save_wall("new.png", 5, shift_px=16, heading_deg=20.0)
+    assert [Path(match.path).name for match in index.query(new)] == ["back.png"]
+    along = save_wall("along.png", 5, shift_px=16, heading_deg=230.0)
+    assert Path(index.query(along)[0].path).name == "there.png"
+    assert index.query(along)[0].exif.heading_deg == 200.0
+
+
+def test_a_match_says_where_the_corners_of_the_new_photo_lie(
+    index: PlaceIndex, save_wall: Callable[..., Path]
+) -> None:
+    index.add([save_wall("old.png", 5)])
+    (match,) = index.query(save_wall("new.png", 5, shift_px=64))  # a quarter of the width
+    corners = [(0.25, 0.0), (1.25, 0.0), (1.25, 1.0), (0.25, 1.0)]
+    np.testing.assert_allclose(match.corners, corners, atol=0.01)

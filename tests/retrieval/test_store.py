@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -10,12 +12,16 @@ from zeroscd.errors import DatasetError, OutputError, SettingsError
 from zeroscd.images.exif import Exif
 from zeroscd.retrieval import database
 from zeroscd.retrieval import store as module
+from zeroscd.retrieval.candidates import HEADING, Candidates, DateSpan
 from zeroscd.retrieval.database import is_index
 from zeroscd.retrieval.describe import Place
 from zeroscd.retrieval.gps import Nearby, metres
 from zeroscd.retrieval.local_descriptors import CODE_BITS, LocalDescriptors
-from zeroscd.retrieval.rows import Entry, to_rows
+from zeroscd.retrieval.rows import Entry, schema_of, to_rows
 from zeroscd.retrieval.store import Store
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 pytest.importorskip("lancedb")
 
@@ -23,7 +29,13 @@ LENGTH = 32
 ABOUT = {"format": 1, "words": ["any", "plain", "values"]}
 
 
-def entry(number: int, *, gps: tuple[float, float] | None = None, path: str | None = None) -> Entry:
+def entry(
+    number: int,
+    *,
+    gps: tuple[float, float] | None = None,
+    path: str | None = None,
+    exif: Exif | None = None,
+) -> Entry:
     rng = np.random.default_rng(number)
     vector = rng.normal(size=LENGTH).astype(np.float32)
     patches = LocalDescriptors(
@@ -35,7 +47,7 @@ def entry(number: int, *, gps: tuple[float, float] | None = None, path: str | No
         vector=vector / np.linalg.norm(vector),
         patches=(patches,),
         size_hw=(480, 640),
-        exif=Exif(gps=gps, taken="2019-05-01T10:00:00" if number % 2 else None),
+        exif=exif or Exif(gps=gps, taken="2019-05-01T10:00:00" if number % 2 else None),
     )
     return Entry(path or f"/photos/{number:04}.jpg", f"digest {number}", place)
 
@@ -51,7 +63,7 @@ def store(address: str) -> Store:
 
 
 def test_what_went_in_comes_out(store: Store, address: str) -> None:
-    before = entry(7, gps=(48.5, 2.25))
+    before = entry(7, exif=Exif(gps=(48.5, 2.25), taken="2019-05-01", heading_deg=271.5))
     store.put([entry(1), before])
     again = Store.open(address)
     ((found, cosine),) = again.nearest(before.place.vector, 1)
@@ -92,9 +104,84 @@ def test_within_a_radius_every_place_is_compared(store: Store) -> None:
             one for one in entries if metres(one.place.exif.gps or (0, 0), centre) <= radius_m
         ]
         inside.sort(key=lambda one: -float(one.place.vector @ query))
-        found = store.nearest(query, 8, nearby=Nearby(centre, radius_m))
+        found = store.nearest(query, 8, among=Candidates(nearby=Nearby(centre, radius_m)))
         assert [one.path for one, _ in found] == [one.path for one in inside[:8]]
-    assert len(store.nearest(query, 1000, nearby=Nearby(centre, 1e6))) == len(entries)
+    everywhere = Candidates(nearby=Nearby(centre, 1e6))
+    assert len(store.nearest(query, 1000, among=everywhere)) == len(entries)
+
+
+def found_among(store: Store, among: Candidates) -> set[int]:
+    found = store.nearest(entry(0).place.vector, 99, among=among)
+    return {int(one.path[-8:-4]) for one, _ in found}
+
+
+def test_a_span_of_days_includes_both_and_leaves_out_photos_without_a_time(store: Store) -> None:
+    times = (
+        "2019-04-30T23:59:59",
+        "2019-05-01T00:00:00+02:00",
+        "2019-05-31T23:59:59.500000",
+        "2019-06-01T00:00:00",
+        None,
+    )
+    store.put([entry(n, exif=Exif(taken=taken)) for n, taken in enumerate(times, 1)])
+    may = DateSpan(date(2019, 5, 1), date(2019, 5, 31))
+    assert found_among(store, Candidates(dates=may)) == {2, 3}
+    assert found_among(store, Candidates(dates=DateSpan(first=date(2019, 5, 31)))) == {3, 4}
+    assert found_among(store, Candidates(dates=DateSpan(last=date(2019, 4, 30)))) == {1}
+    assert found_among(store, Candidates(dates=DateSpan(last=date.max))) == {1, 2, 3, 4}
+    assert store.undated() == 1
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "expected"),
+    [(10.0, {1, 2, 5, 6}), (350.0, {1, 5, 6}), (120.0, {2, 3, 6}), (180.0, {3, 6})],
+)
+def test_photos_that_look_another_way_are_no_candidates(
+    store: Store, heading_deg: float, expected: set[int]
+) -> None:
+    headings = (0.0, 65.0, 180.0, 250.0, 310.0, None)
+    store.put([entry(n, exif=Exif(heading_deg=one)) for n, one in enumerate(headings, 1)])
+    assert found_among(store, Candidates(heading_deg=heading_deg)) == expected
+    assert found_among(store, Candidates()) == {1, 2, 3, 4, 5, 6}
+
+
+def test_place_time_and_heading_are_asked_for_together(store: Store) -> None:
+    near, far, day = (52.0, 4.0), (52.1, 4.0), "2019-05-01T10:00:00"
+    notes = (
+        Exif(gps=near, taken=day, heading_deg=5.0),
+        Exif(gps=far, taken=day, heading_deg=5.0),
+        Exif(gps=near, taken="2020-05-01T10:00:00", heading_deg=5.0),
+        Exif(gps=near, taken=day, heading_deg=185.0),
+    )
+    store.put([entry(number, exif=exif) for number, exif in enumerate(notes, 1)])
+    among = Candidates(
+        nearby=Nearby(near, 50.0), dates=DateSpan(last=date(2019, 12, 31)), heading_deg=0.0
+    )
+    assert found_among(store, among) == {1}
+
+
+def test_an_index_of_an_older_version_opens_and_grows_without_headings(
+    address: str, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = [entry(1, exif=Exif(heading_deg=90.0)), entry(2, exif=Exif(heading_deg=270.0))]
+    store.put(old)
+
+    def former(length: int, about: dict[str, object]) -> pa.Schema:
+        whole = schema_of(length, about)
+        return whole.remove(whole.get_field_index(HEADING))
+
+    monkeypatch.setattr(module, "schema_of", former)
+    elsewhere = str(tmp_path / "former")
+    Store.create(elsewhere, ABOUT, entry(0).place).put(old[:1])
+    monkeypatch.undo()
+    again = Store.open(elsewhere)
+    again.put(old[1:])
+    assert found_among(again, Candidates(heading_deg=90.0)) == {1, 2}
+    assert found_among(store, Candidates(heading_deg=90.0)) == {1}
+    assert again.reference.exif.heading_deg is None
+    # What was matched without headings is not taken for what is matched with them.
+    assert again.known() == store.known()
+    assert again.state() != store.state() == Store.open(address).state()
 
 
 def test_photos_are_taken_out_by_path_whatever_it_is_called(store: Store) -> None:
@@ -130,8 +217,8 @@ def test_past_a_size_searches_are_approximate_and_still_find(
         for one in (*entries[::20], entry(401))
     ]
     assert np.mean(hits) > 0.9
-    nearby = Nearby((1.0, 0.401), 500.0)
-    assert {one.path for one, _ in store.nearest(entries[0].place.vector, 99, nearby=nearby)} == {
+    nearby = Candidates(nearby=Nearby((1.0, 0.401), 500.0))
+    assert {one.path for one, _ in store.nearest(entries[0].place.vector, 99, among=nearby)} == {
         entry(number).path for number in range(397, 402)
     }
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 TESTS = Path(__file__).parents[1]
 BLOCK_PX = 8
 SIZE_HW = (192, 256)
-GPS_FOLDER = 0x8825
+EXIF_FOLDER, GPS_FOLDER = 0x8769, 0x8825
 
 
 def draw_street(seed: int, *, changed: bool = False) -> Rgb:
@@ -61,13 +61,17 @@ class Town:
         *,
         changed: bool = False,
         gps: tuple[float, float] | None = None,
+        name: str | None = None,
+        taken: str | None = None,
     ) -> Path:
         """Write one photo of a street, `when` being "old" or "new"."""
-        path = self.root / when / f"street {seed}.png"
+        path = self.root / when / f"{name or f'street {seed}'}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
         notes = Image.Exif()
         if gps is not None:
             notes[GPS_FOLDER] = {1: "N", 2: (gps[0], 0.0, 0.0), 3: "E", 4: (gps[1], 0.0, 0.0)}
+        if taken is not None:
+            notes.get_ifd(EXIF_FOLDER)[0x9003] = taken
         Image.fromarray(draw_street(seed, changed=changed)).save(path, exif=notes)
         return path
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import json
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FIRST = PhotoMatch(new="/é.jpg", old="/o.jpg", score=0.25, inliers=7, metres=1.5)
+SEVERAL = replace(FIRST, also_old=("/p.jpg", "/q.jpg"))
 SECOND = PhotoMatch(new="/b.jpg", reason="no old photo")
 
 
@@ -21,8 +24,18 @@ def test_what_is_written_down_is_known_to_the_next_run(tmp_path: Path) -> None:
     book.add("one", FIRST)
     book.add("two", SECOND)
     assert book.get("one") == FIRST
+    book.add("four", SEVERAL)
     again = MatchLedger(tmp_path)
+    assert again.get("four") == SEVERAL
     assert (again.get("one"), again.get("two"), again.get("three")) == (FIRST, SECOND, None)
+
+
+def test_with_one_old_photo_a_line_is_as_older_versions_wrote_it(tmp_path: Path) -> None:
+    MatchLedger(tmp_path).add("one", FIRST)
+    values = json.loads((tmp_path / FILE).read_text())
+    assert values.pop("key") == "one"
+    assert "also_old" not in values
+    assert {**values, "also_old": ()} == asdict(FIRST)
 
 
 def test_every_way_of_being_cut_short_loses_one_line_at_most(tmp_path: Path) -> None:
@@ -54,6 +67,8 @@ def test_lines_of_another_version_are_looked_for_again(tmp_path: Path) -> None:
         '{"key": "one", "new": 7, "reason": "no old photo"}',
         '{"key": "one", "new": "/b.jpg", "old": "/o.jpg", "score": "high"}',
         '{"key": "one", "new": "/b.jpg"}',
+        '{"key": "one", "new": "/b.jpg", "old": "/o.jpg", "also_old": [7]}',
+        '{"key": "one", "new": "/b.jpg", "old": "/o.jpg", "also_old": 7}',
         "\xff\x00",
         "9" * 5000,
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime  # noqa: TC003 - typer reads the annotations
 from functools import partial
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
 from typing import TYPE_CHECKING, Annotated
@@ -24,8 +25,10 @@ from zeroscd.cli.options import (
 from zeroscd.renamed import warn_renamed
 
 if TYPE_CHECKING:
+    from zeroscd.retrieval import DateSpan
     from zeroscd.survey import Summary
 
+DAY = "%Y-%m-%d"
 WRITE_HELP = "Files for each pair, separated by commas; none; or all."
 
 
@@ -43,6 +46,14 @@ def survey(
             max=1,
             help="Lowest score of an old photo that counts as of the same place.",
         ),
+    ] = None,
+    old_from: Annotated[
+        datetime | None,
+        typer.Option(formats=[DAY], metavar="DATE", help="Only old photos taken on or after it."),
+    ] = None,
+    old_until: Annotated[
+        datetime | None,
+        typer.Option(formats=[DAY], metavar="DATE", help="Only old photos taken on or before it."),
     ] = None,
     least_score: Annotated[float | None, typer.Option(min=0, max=1, hidden=True)] = None,
     write: Annotated[str, typer.Option(help=WRITE_HELP)] = "json,report",
@@ -65,7 +76,7 @@ def survey(
 
     Example: zeroscd survey today/ --places places -o changes --within 50
     """
-    overrides = parse_overrides(settings)
+    overrides, dates = parse_overrides(settings), span_of(old_from, old_until)
     from zeroscd.batch import Local
     from zeroscd.batch.comparer import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
@@ -77,6 +88,7 @@ def survey(
     from zeroscd.survey import MatchRules, compare, match_photos
 
     check_request(preset, overrides, out=out)
+    rules = MatchRules(within_m=within, min_score=_min_score(min_score, least_score), dates=dates)
     wanted = parse_files(write)
     check_wanted(wanted)
     files = sum(map(list_photos, photos), PhotoFiles())
@@ -91,7 +103,6 @@ def survey(
     )
     try:
         with Bar("matching") as bar:
-            rules = MatchRules(within_m=within, min_score=_min_score(min_score, least_score))
             matches = match_photos(files.photos, index, out, rules=rules, progress=bar)
         with Bar("comparing") as bar:
             engine = Local(workers=workers)
@@ -101,6 +112,19 @@ def survey(
         raise
     tell(summary)
     check_compared(summary.batch, fail_on_error=fail_on_error)
+
+
+def span_of(first: datetime | None, last: datetime | None) -> DateSpan | None:
+    """Return the days from the first to the last; None where neither is given.
+
+    Raises:
+        SettingsError: The last day is before the first.
+    """
+    from zeroscd.retrieval import DateSpan
+
+    if first is None and last is None:
+        return None
+    return DateSpan(first and first.date(), last and last.date())
 
 
 def _min_score(given: float | None, by_old_name: float | None) -> float:

@@ -7,7 +7,8 @@ index.add(["2019/elm.jpg", "2019/oak.jpg"])
 matches = index.query("today/elm.jpg")
 """
 
+from zeroscd.retrieval.candidates import DateSpan
 from zeroscd.retrieval.gps import Nearby
 from zeroscd.retrieval.index import PlaceIndex, PlaceMatch
 
-__all__ = ["Nearby", "PlaceIndex", "PlaceMatch"]
+__all__ = ["DateSpan", "Nearby", "PlaceIndex", "PlaceMatch"]

@@ -13,6 +13,7 @@ from zeroscd.images.read import read_file, read_photo
 from zeroscd.models import load_encoder
 from zeroscd.progress import Silent
 from zeroscd.retrieval.build import Builder
+from zeroscd.retrieval.candidates import Candidates
 from zeroscd.retrieval.compatibility import (
     about,
     check_compatibility,
@@ -34,8 +35,10 @@ if TYPE_CHECKING:
     from zeroscd.images.read import PhotoSource
     from zeroscd.progress import Progress
     from zeroscd.retrieval.build import Added
+    from zeroscd.retrieval.candidates import DateSpan
     from zeroscd.retrieval.describe import Place
     from zeroscd.retrieval.gps import Nearby
+    from zeroscd.retrieval.rerank import Corners
     from zeroscd.retrieval.rows import Entry
 
 CANDIDATES = 30  # re-ranked by their patches (docs/places.md)
@@ -54,7 +57,9 @@ class PlaceMatch:
         inliers: Number of these patches.
         similarity: Cosine of the global descriptors, by which candidates are chosen.
         metres: Distance between where both were taken; None if either has no position.
-        exif: Position and time of the old photo.
+        exif: Position, time and heading of the old photo.
+        corners: Where the corners of the new photo lie in the old one, (x, y) as shares of its
+            width and height, from the top left one clockwise; None if no homography was found.
     """
 
     path: str
@@ -63,6 +68,7 @@ class PlaceMatch:
     similarity: float
     metres: float | None
     exif: Exif
+    corners: Corners | None = None
 
 
 class PlaceIndex:
@@ -189,20 +195,29 @@ class PlaceIndex:
         return describe(read_photo(photo), self._encoder, exif=exif)
 
     def find(
-        self, place: Place, count: int = 5, *, nearby: Nearby | None = None, rerank: bool = True
+        self,
+        place: Place,
+        count: int = 5,
+        *,
+        nearby: Nearby | None = None,
+        dates: DateSpan | None = None,
+        rerank: bool = True,
     ) -> list[PlaceMatch]:
         """Find the old photos that show a place, best first.
 
-        The photos with the most similar global descriptors are re-ranked by their patches.
+        The photos with the most similar global descriptors are re-ranked by their patches. Photos
+        that look another way, by more than `candidates.MAX_TURN_DEG`, are left out.
 
         Args:
             place: As `describe` returns it.
             count: How many photos at most.
             nearby: Search only this circle; photos without a position are left out.
+            dates: Search only photos of these days; those without a time are left out.
             rerank: If False, the order is that of the global descriptors, and scores are zero.
         """
         limit = max(count, CANDIDATES) if rerank else count
-        nearest = self._store.nearest(place.vector, limit, nearby=nearby)
+        among = Candidates(nearby=nearby, dates=dates, heading_deg=place.exif.heading_deg)
+        nearest = self._store.nearest(place.vector, limit, among=among)
         matches = [_match(place, entry, cosine, rerank=rerank) for entry, cosine in nearest]
         # Sorting is stable: among equal scores the more similar global descriptor stays first.
         return sorted(matches, key=lambda match: -match.score)[:count]
@@ -216,6 +231,10 @@ class PlaceIndex:
             ImageError: The new photo cannot be read.
         """
         return self.find(self.describe(photo), count, nearby=nearby)
+
+    def undated(self) -> int:
+        """Return how many photos do not say when they were taken."""
+        return self._store.undated()
 
     def state(self) -> str:
         """Return a digest that changes whenever the photos in the index do."""
@@ -247,4 +266,5 @@ def _match(place: Place, entry: Entry, cosine: float, *, rerank: bool) -> PlaceM
         similarity=cosine,
         metres=metres(gps, old_gps) if gps and old_gps else None,
         exif=old.exif,
+        corners=geometric.corners if geometric else None,
     )

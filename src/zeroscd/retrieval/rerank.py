@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.alignment.homography import degeneracy, estimate
+from zeroscd.alignment.homography import apply, degeneracy, estimate
 from zeroscd.alignment.matching import match
 from zeroscd.retrieval.local_descriptors import CODE_BITS
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from zeroscd.arrays import Homography
     from zeroscd.retrieval.local_descriptors import LocalDescriptors
 
 TOLERANCE_PX = 0.75  # of the smallest scale's patch side (docs/places.md)
@@ -23,6 +24,7 @@ SEED = 0  # of RANSAC
 MIN_MATCHES = 6  # some homography explains any four
 
 SizeHw = tuple[int, int]
+Corners = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +34,14 @@ class GeometricScore:
     Attributes:
         score: 0..1, mean over the scales; 1 = the same photo.
         inliers: Matches of all scales that their scale's homography explains.
+        corners: Where the query's corners lie in the other photo, (x, y) as shares of its width
+            and height, from the top left one clockwise, by the homography with the most inliers;
+            None if there is none.
     """
 
     score: float
     inliers: int
+    corners: Corners | None = None
 
 
 def geometric_score(
@@ -63,7 +69,9 @@ def geometric_score(
         for both in zip(query, other, strict=True)
     ]
     return GeometricScore(
-        float(np.mean([scale.score for scale in scales])), sum(scale.inliers for scale in scales)
+        float(np.mean([scale.score for scale in scales])),
+        sum(scale.inliers for scale in scales),
+        max(scales, key=lambda scale: scale.inliers).corners,
     )
 
 
@@ -90,7 +98,18 @@ def _score_scale(
         codes_query[matches.index_t0[model.inliers]], codes_other[matches.index_t1[model.inliers]]
     )
     total = float(np.sum(np.maximum(cosine, 0.0) ** 2))
-    return GeometricScore(total / min(len(query), len(other)), int(model.inliers.sum()))
+    return GeometricScore(
+        total / min(len(query), len(other)),
+        int(model.inliers.sum()),
+        _carried_corners(model.b_from_a, sizes_hw),
+    )
+
+
+def _carried_corners(other_from_query: Homography, sizes_hw: tuple[SizeHw, SizeHw]) -> Corners:
+    (height, width), (height_there, width_there) = sizes_hw
+    corners_xy = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float64)
+    shares = apply(other_from_query, corners_xy) / (width_there, height_there)
+    return tuple((float(x), float(y)) for x, y in shares)
 
 
 def _cosine(a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.float32]:

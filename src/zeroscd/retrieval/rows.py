@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from zeroscd.images.exif import Exif
+from zeroscd.retrieval.candidates import HEADING
 from zeroscd.retrieval.describe import Place
 from zeroscd.retrieval.local_descriptors import pack, unpack
 
@@ -27,7 +28,7 @@ class Entry:
     Attributes:
         path: Absolute path of its file.
         digest: Of the file's bytes when the photo was described.
-        place: Its descriptors, position and time.
+        place: Its descriptors, position, time and heading.
     """
 
     path: str
@@ -46,6 +47,7 @@ def schema_of(vector_length: int, about: Mapping[str, Any]) -> pa.Schema:
             ("latitude", pa.float64()),
             ("longitude", pa.float64()),
             ("taken", pa.string()),
+            (HEADING, pa.float64()),
             ("height", pa.int32()),
             ("width", pa.int32()),
             ("vector", pa.list_(pa.float16(), vector_length)),
@@ -61,7 +63,7 @@ def about_of(schema: pa.Schema) -> dict[str, Any]:
 
 
 def to_rows(entries: Iterable[Entry], schema: pa.Schema) -> pa.Table:
-    """Return a row for each entry."""
+    """Return a row for each entry; columns that the schema lacks are left out."""
     import pyarrow as pa  # noqa: PLC0415 - as above
 
     return pa.Table.from_pylist([_row(entry) for entry in entries], schema=schema)
@@ -76,6 +78,7 @@ def _row(entry: Entry) -> dict[str, object]:
         "latitude": latitude,
         "longitude": longitude,
         "taken": place.exif.taken,
+        HEADING: place.exif.heading_deg,
         "height": place.size_hw[0],
         "width": place.size_hw[1],
         "vector": place.vector.astype(np.float16),
@@ -84,12 +87,12 @@ def _row(entry: Entry) -> dict[str, object]:
 
 
 def to_entry(row: Mapping[str, Any]) -> Entry:
-    """Return a row as an entry."""
+    """Return a row as an entry; rows of older versions have no heading."""
     gps = None if row["latitude"] is None else (row["latitude"], row["longitude"])
     place = Place(
         vector=np.asarray(row["vector"], dtype=np.float32),
         patches=unpack(row["patches"]),
         size_hw=(row["height"], row["width"]),
-        exif=Exif(gps=gps, taken=row["taken"]),
+        exif=Exif(gps=gps, taken=row["taken"], heading_deg=row.get(HEADING)),
     )
     return Entry(row["path"], row["digest"], place)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from zeroscd.errors import DatasetError
 from zeroscd.fingerprint import digest_values
 from zeroscd.images.folder import absolute, is_below
+from zeroscd.retrieval.candidates import ALL, Candidates
 from zeroscd.retrieval.database import (
     PLACES,
     REFERENCE,
@@ -24,6 +25,7 @@ from zeroscd.retrieval.database import (
     write_lock,
 )
 from zeroscd.retrieval.rows import Entry, about_of, schema_of, to_entry, to_rows
+from zeroscd.retrieval.search import nearest
 from zeroscd.text import one_line
 
 if TYPE_CHECKING:
@@ -35,12 +37,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from zeroscd.retrieval.describe import Place
-    from zeroscd.retrieval.gps import Nearby
 
 # Up to here every vector is compared: exact, and fast enough (docs/places.md).
 APPROXIMATE_FROM = 100_000
-REFINE_FACTOR = 10  # times as many candidates as asked for are compared again exactly
-N_PROBES = 40  # cells of the approximate index that are searched
 KMEANS_ITERATIONS = 10  # for the cells; few suffice, as candidates are compared again exactly
 KEEP_VERSIONS = timedelta(days=1)  # replaced data, for surveys that have the index open
 
@@ -235,8 +234,13 @@ class Store:
         return len(removed)
 
     def state(self) -> str:
-        """Return a digest of the entries' paths and photos; `tidy` does not change it."""
-        return digest_values(self.known())
+        """Return a digest of the columns, the paths and the photos; `tidy` does not change it."""
+        return digest_values({"columns": self._table.schema.names, "photos": self.known()})
+
+    def undated(self) -> int:
+        """Return how many photos do not say when they were taken."""
+        with read_errors(self._address):
+            return int(self._table.count_rows("taken IS NULL"))
 
     def info(self) -> dict[str, Any]:
         """Return a description of the index, as plain values."""
@@ -265,35 +269,14 @@ class Store:
         self._table.create_index("vector", config=kind)
 
     def nearest(
-        self, vector: NDArray[np.float32], count: int, *, nearby: Nearby | None = None
+        self, vector: NDArray[np.float32], count: int, *, among: Candidates = ALL
     ) -> list[tuple[Entry, float]]:
         """Return the entries most similar to a descriptor, each with its cosine, best first.
 
-        Within a radius the search is exact, however large the index is.
+        Within a radius or some days the search is exact, however large the index is.
         """
-        if nearby is None:
-            return self._search(vector, count, where=None)
-        # The table can be filtered by a box; of its entries those outside the circle are dropped.
-        where, limit = nearby.where(), count
-        while True:
-            in_box = self._search(vector, limit, where=where)
-            in_circle = [result for result in in_box if nearby.holds(result[0].place.exif.gps)]
-            if len(in_circle) >= count or len(in_box) < limit:
-                return in_circle[:count]
-            limit *= 2
-
-    def _search(
-        self, vector: NDArray[np.float32], count: int, *, where: str | None
-    ) -> list[tuple[Entry, float]]:
-        # LanceDB types it as a query without the methods of vector queries.
-        search: Any = self._table.search(vector, vector_column_name="vector")
-        search = search.distance_type("cosine").limit(count)
-        if where is not None:
-            search = search.where(where).bypass_vector_index()
-        else:
-            search = search.nprobes(N_PROBES).refine_factor(REFINE_FACTOR)
         with read_errors(self._address):
-            return [(to_entry(row), 1.0 - float(row["_distance"])) for row in search.to_list()]
+            return nearest(self._table, vector, count, among)
 
 
 def _is_gone(row: Mapping[str, Any]) -> bool:

@@ -22,12 +22,20 @@ class MatchLedger(Ledger[PhotoMatch]):
     """
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(folder / FILE, pack=asdict, unpack=_unpack)
+        super().__init__(folder / FILE, pack=_pack, unpack=_unpack)
+
+
+def _pack(match: PhotoMatch) -> dict[str, Any]:
+    """Return plain values; with one old photo the same as older versions wrote."""
+    values = asdict(match)
+    if not match.also_old:
+        del values["also_old"]
+    return values
 
 
 def _unpack(values: dict[str, Any]) -> PhotoMatch:
-    match = PhotoMatch(**values)
-    texts = (match.new, match.old or "", match.reason or "")
+    match = PhotoMatch(**{**values, "also_old": tuple(values.get("also_old", ()))})
+    texts = (match.new, match.old or "", match.reason or "", *match.also_old)
     numbers = (match.score, match.inliers, match.metres or 0.0)
     if not (
         all(isinstance(t, str) for t in texts) and all(isinstance(n, float | int) for n in numbers)
