@@ -339,4 +339,5 @@ def test_a_match_says_where_the_corners_of_the_new_photo_lie(
     index.add([save_wall("old.png", 5)])
     (match,) = index.query(save_wall("new.png", 5, shift_px=64))  # a quarter of the width
     corners = [(0.25, 0.0), (1.25, 0.0), (1.25, 1.0), (0.25, 1.0)]
-    np.testing.assert_allclose(match.corners, corners, atol=0.01)
+    assert match.corners is not None
+    np.testing.assert_allclose(np.array(match.corners), np.array(corners), atol=0.01)
