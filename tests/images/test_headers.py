@@ -34,6 +34,15 @@ def segment(marker: int, content: bytes) -> bytes:
     return struct.pack(">BBH", 0xFF, marker, len(content) + 2) + content
 
 
+def progressive(scans: int, *, between: bytes = b"") -> bytes:
+    """A JPEG whose last scan comes again until there are so many."""
+    file = io.BytesIO()
+    PICTURE.save(file, "JPEG", progressive=True)
+    plain = file.getvalue()[:-2]
+    last = plain[plain.rindex(b"\xff\xda") :]
+    return plain + (between + last) * (scans - plain.count(b"\xff\xda")) + b"\xff\xd9"
+
+
 def jpeg(before: bytes) -> bytes:
     plain = saved("JPEG")
     return plain[:2] + before + plain[2:]
@@ -93,6 +102,10 @@ FLOODS = {
     "escaped bytes": (jpeg(b"\xff\0" * 2_000_000), "segments before"),
     "bare markers": (jpeg(b"\xff\xd8" * 2_000_000), "segments before"),
     "no pixels": (saved("JPEG")[:2] + b"\xff\xd8\xff" + bytes(4_000_000), "stray bytes"),
+    "scans": (progressive(3000), "64 scans"),
+    "scans behind a note": (progressive(65, between=segment(0xFE, b"\xff\xd9")), "64 scans"),
+    "scans without an end": (progressive(65)[:-2], "64 scans"),
+    "markers between scans": (progressive(99, between=b"\xff\xc8" * 50_000), "8192 segments"),
     "marks": (jpeg(segment(0xE1, EXIF * 10_000) * 64), "repeats the start of its EXIF data"),
     "overlap in EXIF": (jpeg(segment(0xE1, EXIF + overlapping(65_000))), "which overlap"),
     "overlap in MPO": (jpeg(segment(0xE2, b"MPF\0" + overlapping(65_000))), "which overlap"),
@@ -195,6 +208,9 @@ REAL = {
     "a PNG's EXIF in hexadecimal": png(chunk(b"zTXt", NAMED + b"\0" + profile(EXIF + tags()))),
     "a damaged EXIF directory": jpeg(segment(0xE1, EXIF + tags((1000, 7, 2**31, 8)))),
     "EXIF that is cut off": jpeg(segment(0xE1, EXIF + tags((1000, 4, 1, 1))[:12])),
+    "64 scans": progressive(64),
+    "a video behind a photo": saved("JPEG") + np.random.default_rng(2).bytes(20_000_000),
+    "a photo before a note of marks": jpeg(segment(0xFE, b"\xff\xda" * 500)),
     "a PPM's comment": b"P6\n# drawn by hand\n48 40\n255\n" + PICTURE.tobytes(),
 }
 

@@ -1,4 +1,4 @@
-"""Count what stands before the pixels of a file, and refuse what no photo has.
+"""Count what stands before the pixels of a file, and a JPEG's scans; refuse what no photo has.
 
 Pillow reads headers in Python, block by block, and keeps what it finds; some of its loops take
 quadratic time. A file of a few megabytes made for this keeps it busy for minutes, or takes
@@ -24,6 +24,8 @@ MAX_SEGMENTS = 4096
 MAX_PARSED_SEGMENTS = 100
 # All segments together: right-eye pictures and sound of panoramas take 10 MB.
 MAX_SEGMENT_BYTES = 2**26
+# Scans of a progressive JPEG, each of which costs a pass over all pixels: web tools write about 10.
+MAX_SCANS = 64
 # Bytes outside of segments; Pillow steps over each one by itself. Good files have none.
 MAX_STRAY_BYTES = 2**16
 # Chunks of a PNG or WebP beside the pixels': an animation has two for each frame.
@@ -42,11 +44,14 @@ MAX_COMMENT_BYTES = 2**16
 MAX_PPM_HEADER_BYTES = 2**16
 
 PPM_NUMBERS = 4  # magic number, width, height and the largest value, or the first of the pixels
-START_OF_SCAN, APP_0, APP_1, APP_2, APP_13 = 0xDA, 0xE0, 0xE1, 0xE2, 0xED
+START_OF_SCAN, END_OF_IMAGE = 0xDA, 0xD9
+APP_0, APP_1, APP_2, APP_13 = 0xE0, 0xE1, 0xE2, 0xED
 # Without a length: Pillow goes on right after them.
 BARE_MARKERS = {0xC8, *range(0xD0, 0xDA), *range(0xF0, 0xFE)}
 WITH_LENGTH = set(range(0xC0, 0xFF)) - BARE_MARKERS
 FILL = re.compile(rb"\xff*+")
+# What ends a scan: neither an escaped 255 nor a restart within it.
+MARKER = re.compile(rb"\xff[^\0\1\xff\xd0-\xd7]")
 MPO_MARK = b"MPF\0"
 PNG_PROFILE = b"Raw profile type exif\0"
 GIF_EXTENSION, GIF_IMAGE, GIF_END, GIF_COMMENT = 0x21, 0x2C, 0x3B, 0xFE
@@ -110,6 +115,21 @@ def _check_jpeg(data: bytes, name: str) -> None:
         if marker == START_OF_SCAN:
             break
     _check_exif(b"".join(exif), name)
+    _check_scans(data, name)
+
+
+def _check_scans(data: bytes, name: str) -> None:
+    """Count scans as libjpeg meets them; a video behind a phone's photo is none of its own."""
+    if data.count(bytes([0xFF, START_OF_SCAN])) <= MAX_SCANS:
+        return
+    scans = markers = at = 0
+    while (found := MARKER.search(data, at)) and data[found.end() - 1] != END_OF_IMAGE:
+        marker, at = data[found.end() - 1], found.end()
+        scans, markers = scans + (marker == START_OF_SCAN), markers + 1
+        if marker in WITH_LENGTH:
+            at += max(int.from_bytes(data[at : at + 2]), 2)
+        _check_count(scans, MAX_SCANS, "scans", name)
+        _check_count(markers, 2 * MAX_SEGMENTS, "segments", name)
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int, int, int]]:

@@ -17,8 +17,6 @@ class Limits:
     Attributes:
         photo_bytes: Size of one uploaded file.
         photo_pixels: Width times height, read from the header before anything is decoded.
-        jpeg_scans: Scans of a progressive JPEG. Cameras write 1, web tools about 10; files with
-            thousands of empty ones are an old way to keep a server busy.
         bodies: Requests whose bodies may arrive or wait at once; more get 429.
         bodies_bytes: Room for all of these together: two of the largest jobs, or many photos.
         waiting: Requests that may wait for the one worker; more get 429.
@@ -35,7 +33,6 @@ class Limits:
 
     photo_bytes: int = 25 * MEGA
     photo_pixels: int = 25 * MEGA
-    jpeg_scans: int = 64
     bodies: int = 100
     bodies_bytes: int = 420 * MEGA
     waiting: int = 16

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from zeroscd.serve.limits import Limits
 
 MEGA = 1_000_000
-START_OF_SCAN = b"\xff\xda"  # of a JPEG; inside compressed data, 255 is never followed by this
 
 
 def check_photo(data: bytes, *, name: str, limits: Limits) -> tuple[int, int]:
@@ -30,8 +29,8 @@ def check_photo(data: bytes, *, name: str, limits: Limits) -> tuple[int, int]:
         limits: Of this server.
 
     Raises:
-        Problem: It is empty, too large, of another format, or too costly to decode.
-        ImageError: Its header is damaged, or would take long to read.
+        Problem: It is empty, too large, of another format, or has too many pixels.
+        ImageError: Its header is damaged, or it would take long to read.
     """
     if len(data) > limits.photo_bytes:
         most = limits.photo_bytes / MEGA
@@ -41,10 +40,6 @@ def check_photo(data: bytes, *, name: str, limits: Limits) -> tuple[int, int]:
     if kind is None:
         message = f"{name} is {_describe_other(data)}; send a JPEG, PNG or WebP file"
         raise Problem(Kind.UNKNOWN_FORMAT, message)
-    scans = data.count(START_OF_SCAN) if kind == "JPEG" else 0
-    if scans > limits.jpeg_scans:
-        message = f"{name} has {scans} scans, more than {limits.jpeg_scans}; save it anew"
-        raise Problem(Kind.BAD_PHOTO, message)
     check_header(data, name)
     with guarded(name), Image.open(io.BytesIO(data), formats=[kind]) as picture:
         width, height = picture.size
