@@ -46,7 +46,8 @@ SHARED_BY = 4  # pairs that have their photo before in common
 GAIN, NOISE = 0.2, 4.0  # of the perturbed photo after: +- share of light, grey levels
 ALONE = {**os.environ, "OMP_NUM_THREADS": "1"}
 REAL_PAIRS = 30  # at the photos' own size
-KILLS, KILL_PAIRS, LATEST_S = 10, 1000, 30.0
+ENGINES = ("local", "ray")
+KILLS, KILL_PAIRS, LATEST_S, SEED = 10, 1000, 30.0, 7
 HOSTILE_PAIRS, CORRUPT = 100, 5  # every fifth photo after is damaged
 WAIT_S = 2.0  # for an address that never answers
 BARE = """
@@ -229,7 +230,7 @@ def engines(bench: Bench) -> dict[str, Any]:
     manifest = bench.manifest(bench.pairs)
     found: dict[str, Any] = {}
     outs = {}
-    for engine in ("local", "ray"):
+    for engine in ENGINES:
         outs[engine] = bench.fresh(f"engines-{engine}")
         done = batch(manifest, "-o", outs[engine], "--engine", engine, *SMALL)
         found[engine] = {
@@ -326,22 +327,32 @@ def memory(bench: Bench) -> dict[str, Any]:
 
 
 def kills(bench: Bench) -> dict[str, Any]:
-    """Kill -9 at ten random moments, then let it end; the tables must be those of a quiet run."""
-    manifest = bench.manifest(KILL_PAIRS)
-    quiet, out = bench.fresh("kills-quiet"), bench.fresh("kills")
+    """Kill each engine at ten random moments, then let it end.
+
+    The tables and masks must be those of a quiet run of the local engine.
+    """
+    manifest, quiet = bench.manifest(KILL_PAIRS), bench.fresh("kills-quiet")
     batch(manifest, "-o", quiet, *SMALL)
-    dice = random.Random(7)  # noqa: S311 - moments, no secrets
-    moments = [round(dice.uniform(1, LATEST_S), 2) for _ in range(KILLS)]
-    codes = [batch(manifest, "-o", out, *SMALL, kill_after_s=moment).code for moment in moments]
-    last = batch(manifest, "-o", out, *SMALL)
-    return {
-        "killed_after_s": moments,
-        "exit_codes": codes,
-        "last_exit_code": last.code,
-        **count_rows(out),
-        "same_rows": agree(quiet, out),
-        "same_files": same_files(quiet, out),
-    }
+    found: dict[str, Any] = {}
+    for seed, engine in enumerate(ENGINES, SEED):
+        out = bench.fresh(f"kills-{engine}")
+        words = (manifest, "-o", out, "--engine", engine, *SMALL)
+        dice = random.Random(seed)  # noqa: S311 - moments, no secrets
+        moments = [round(dice.uniform(1, LATEST_S), 2) for _ in range(KILLS)]
+        killed: list[tuple[int, int]] = []
+        for moment in moments:
+            code = batch(*words, kill_after_s=moment).code
+            killed.append((code, len(list(out.glob("*/mask.png")))))
+        found[engine] = {
+            "killed_after_s": moments,
+            "exit_codes": [code for code, _ in killed],
+            "pairs_done_when_killed": [pairs for _, pairs in killed],
+            "last_exit_code": batch(*words).code,
+            **count_rows(out),
+            "same_rows": agree(quiet, out),
+            "same_files": same_files(quiet, out),
+        }
+    return found
 
 
 def actor(bench: Bench) -> dict[str, Any]:
