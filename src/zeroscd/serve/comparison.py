@@ -66,6 +66,7 @@ class Comparison:
         self.latest: CachedResult | None = None
         self.problem: str | None = None
         self.cancel_token = CancelToken()
+        self._result_bytes = 0
 
     @property
     def status(self) -> Status:
@@ -78,8 +79,12 @@ class Comparison:
 
     @property
     def size_bytes(self) -> int:
-        """Memory held so far."""
-        return RECORD_BYTES + size_of(self.latest)
+        """Memory held when it was measured last; asked for all comparisons at every request."""
+        return RECORD_BYTES + self._result_bytes
+
+    def measure(self) -> None:
+        """Go through all that is held now, which takes a millisecond; for the worker's thread."""
+        self._result_bytes = size_of(self.latest)
 
 
 class Comparisons:
@@ -186,18 +191,21 @@ class Comparisons:
         cancel_token: CancelToken,
     ) -> CachedResult:
         comparison.step = "decide"
-        result = self._service.decide(evidence, request)
-        cancel_token.check()
-        comparison.step = "draw"
-        found = CachedResult(
-            number=1 if comparison.latest is None else comparison.latest.number + 1,
-            request=request,
-            evidence=evidence,
-            result=result,
-            frame=to_common_frame(result, longest_px=LONGEST_PX),
-        )
-        cancel_token.check()
-        comparison.latest = found
+        try:
+            result = self._service.decide(evidence, request)
+            cancel_token.check()
+            comparison.step = "draw"
+            found = CachedResult(
+                number=1 if comparison.latest is None else comparison.latest.number + 1,
+                request=request,
+                evidence=evidence,
+                result=result,
+                frame=to_common_frame(result, longest_px=LONGEST_PX),
+            )
+            cancel_token.check()
+            comparison.latest = found
+        finally:
+            comparison.measure()  # what the evidence remembers grows also if the rest fails
         return found
 
 
