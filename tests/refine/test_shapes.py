@@ -137,3 +137,20 @@ def test_closing_is_opencvs_with_a_disk(seed: int, radius_px: int) -> None:
     reference = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disk) > 0
     inside = reference[2 * radius_px : -2 * radius_px, 2 * radius_px : -2 * radius_px]
     np.testing.assert_array_equal(close_gaps(mask, gap_width=2 * radius_px / 100), inside)
+
+
+@pytest.mark.parametrize("toward", [0, np.inf])
+def test_the_last_bit_of_opencvs_distances_decides_nothing(
+    monkeypatch: pytest.MonkeyPatch, toward: float
+) -> None:
+    """It depends on where in memory they are written: one pair in thousands differed by pixels."""
+    transform = cv2.distanceTransform
+
+    def nudged(mask: np.ndarray, kind: int, size: int) -> np.ndarray:
+        return np.nextafter(transform(mask, kind, size), np.float32(toward))
+
+    mask = random_boxes(3)
+    expected = close_gaps(mask, gap_width=0.1), drop_thin(THING, min_width=10 / 30)
+    monkeypatch.setattr(cv2, "distanceTransform", nudged)  # both radii are 5, as is (3, 4)
+    np.testing.assert_array_equal(close_gaps(mask, gap_width=0.1), expected[0])
+    np.testing.assert_array_equal(drop_thin(THING, min_width=10 / 30), expected[1])

@@ -94,11 +94,16 @@ def _open(mask: Mask, *, radius_px: float) -> Mask:
     if radius_px < 1:
         return mask.copy()
     rim_px = math.ceil(radius_px) + 1
-    centres = _distance_px(np.pad(mask, rim_px, mode="edge")) > radius_px
-    within = _distance_px(~centres) <= radius_px
+    centres = _squared_distance(np.pad(mask, rim_px, mode="edge")) > radius_px**2
+    within = _squared_distance(~centres) <= radius_px**2
     return within[rim_px:-rim_px, rim_px:-rim_px]
 
 
-def _distance_px(mask: Mask) -> np.ndarray:
-    """Distance of every pixel to the nearest one that is not set; very far where there is none."""
-    return cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+def _squared_distance(mask: Mask) -> np.ndarray:
+    """Squared distance of every pixel to the nearest one not set; very far where there is none.
+
+    Rounded, as squares are whole numbers: the last bit of OpenCV's roots depends on where in memory
+    they are written, and one bit can decide whether a disk fits.
+    """
+    far = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.rint(np.square(far, dtype=np.float64))
