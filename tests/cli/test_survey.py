@@ -53,12 +53,14 @@ def test_a_survey_says_what_it_found_and_where_the_report_is(
     assert captured.out.splitlines() == [
         "1 of 2 new photos have an old one of the same place",
         "0 changed regions",
+        "0 events (0 sightings)",
         f"report: {tmp_path / 'out' / 'report.html'}",
     ]
     assert "warning: 1 new photos were not compared; the first: " in captured.err
     assert "no old photo shows this place" in captured.err
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {
-        "changes.parquet", "pairs.parquet", "changes.geojson", "coco.json", "report.html"
+        "changes.parquet", "pairs.parquet", "changes.geojson", "coco.json", "report.html",
+        "events.parquet", "events.geojson",
     }  # fmt: skip
 
 

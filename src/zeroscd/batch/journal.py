@@ -27,7 +27,10 @@ FILE = "journal.sqlite"
 PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
 OWN_FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", PAIRS, CHANGES)
 # A survey writes these beside them (tests/survey/test_run.py compares).
-SURVEY_FILES = ("matches.jsonl", "changes.geojson", "coco.json", "report.html", "thumbs")
+SURVEY_FILES = (
+    *("matches.jsonl", "changes.geojson", "coco.json", "report.html", "thumbs"),
+    *("events.parquet", "events.geojson", "events.gpkg"),
+)
 RESERVED = (*OWN_FILES, *SURVEY_FILES)  # no pair's folder may have one of these names
 CHUNK = 500  # rows read at a time
 OK, FAILED = "ok", "error"

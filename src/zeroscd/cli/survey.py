@@ -71,8 +71,8 @@ def survey(
 ) -> None:
     """Find the old photo of each new one, compare both, and report the changes.
 
-    Writes OUT/report.html, changes.parquet, pairs.parquet, changes.geojson and coco.json. A
-    survey that was stopped or killed continues when the same command is given again.
+    Writes OUT/report.html, events and changes as tables and GeoJSON, and coco.json. A survey that
+    was stopped or killed continues when the same command is given again.
 
     Example: zeroscd survey today/ --places places -o changes --within 50
     """
@@ -137,6 +137,8 @@ def _min_score(given: float | None, by_old_name: float | None) -> float:
 
 def tell(summary: Summary) -> None:
     """Print a summary and the report's path."""
+    from zeroscd.survey.events.geopackage import HINT, is_available
+
     photos = len(summary.matches)
     unmatched = photos - summary.matched
     broken = summary.batch.failed - unmatched
@@ -147,4 +149,8 @@ def tell(summary: Summary) -> None:
     if broken:
         warn(f"{broken} pairs could not be compared; see the column error of pairs.parquet")
     say(f"{summary.batch.regions} changed regions")
+    sightings = sum(event.sightings for event in summary.events)
+    say(f"{len(summary.events)} events ({sightings} sightings)")
+    if not is_available():
+        warn(f"events.gpkg is left out: it needs pyogrio; {HINT}")
     say(f"report: {summary.report}")

@@ -36,7 +36,7 @@ def feature(
     return {
         "type": "Feature",
         "id": f"{change.get('pair')}/{change.get('region')}",
-        "geometry": _point(change.get("latitude"), change.get("longitude")),
+        "geometry": point(change.get("latitude"), change.get("longitude")),
         "properties": {
             "pair": change.get("pair"),
             "region": change.get("region"),
@@ -70,7 +70,8 @@ def geojson_lines(features: Iterable[Mapping[str, Any]]) -> Iterator[bytes]:
     yield b"\n]}\n"
 
 
-def _point(latitude: float | None, longitude: float | None) -> dict[str, Any] | None:
+def point(latitude: float | None, longitude: float | None) -> dict[str, Any] | None:
+    """Return a GeoJSON point, or None, the null geometry, where either number is missing."""
     if latitude is None or longitude is None:
         return None
     return {"type": "Point", "coordinates": [round(longitude, DIGITS), round(latitude, DIGITS)]}

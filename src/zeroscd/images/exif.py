@@ -1,4 +1,4 @@
-"""Read where, when and in which direction a photo was taken from its EXIF data."""
+"""Read where, when, in which direction and how wide a photo was taken from its EXIF data."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ EXIF_FOLDER, GPS_FOLDER = 0x8769, 0x8825
 TIMES = ((0x9003, 0x9011), (0x9004, 0x9012))  # and the offset from UTC
 LAT_REF, LAT, LON_REF, LON = 1, 2, 3, 4
 HEADING = 17  # GPSImgDirection
+FOCAL_35MM = 0xA405  # FocalLengthIn35mmFilm; 0 = unknown
 MINUTES, MOST_PARTS = 60, 3
 FULL_TURN = 360
 # Exif writes 2019:05:04 12:30:11; programs write ISO 8601 and mixtures of both.
@@ -39,18 +40,20 @@ ZONE = re.compile(r"Z|[+-](?:0\d|1[0-4]):?[0-5]\d", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exif:
-    """Position, time and heading from a photo's EXIF data.
+    """Position, time, heading and focal length from a photo's EXIF data.
 
     Attributes:
         gps: Latitude and longitude in degrees, north and east positive (WGS 84).
         taken: ISO 8601 time by the camera's clock, with its offset from UTC where noted.
         heading_deg: Direction in which the camera looked, 0 <= heading < 360, clockwise from north:
             true or magnetic, whichever the camera noted.
+        focal_35mm: Focal length of a 35 mm camera with the same angle of view, in mm.
     """
 
     gps: tuple[float, float] | None = None
     taken: str | None = None
     heading_deg: float | None = None
+    focal_35mm: float | None = None
 
 
 def read_exif(source: str | Path | bytes) -> Exif:
@@ -61,7 +64,7 @@ def read_exif(source: str | Path | bytes) -> Exif:
 
     Example:
         >>> read_exif(b"no photo at all")
-        Exif(gps=None, taken=None, heading_deg=None)
+        Exif(gps=None, taken=None, heading_deg=None, focal_35mm=None)
     """
     with suppress(ImageError):
         data = source if isinstance(source, bytes) else read_file(source)
@@ -70,11 +73,12 @@ def read_exif(source: str | Path | bytes) -> Exif:
             if not _has_notes(picture, data):
                 return Exif()
             notes = picture.getexif()
-            gps_notes = notes.get_ifd(GPS_FOLDER)
+            camera_notes, gps_notes = (notes.get_ifd(one) for one in (EXIF_FOLDER, GPS_FOLDER))
             return Exif(
                 gps=_place(gps_notes),
-                taken=_time(notes.get_ifd(EXIF_FOLDER)) or _time(notes),
+                taken=_time(camera_notes) or _time(notes),
                 heading_deg=_heading(gps_notes),
+                focal_35mm=_one_number(camera_notes.get(FOCAL_35MM)) or None,
             )
     return Exif()
 
@@ -114,13 +118,17 @@ def _degrees(parts: Any, ref: Any, *, words: tuple[str, str], most: int) -> floa
 
 def _heading(tags: Mapping[int, Any]) -> float | None:
     """Read the direction of view, one number of degrees."""
+    heading = _one_number(tags.get(HEADING))
+    return heading % FULL_TURN if heading is not None and heading <= FULL_TURN else None
+
+
+def _one_number(value: Any) -> float | None:  # noqa: ANN401 - as above
+    """Read a tag that holds one number, not negative; anything else is None."""
     try:
-        values = _noted(tags.get(HEADING))
+        values = _noted(value)
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return None
-    if len(values) != 1 or not 0 <= values[0] <= FULL_TURN:
-        return None
-    return values[0] % FULL_TURN
+    return values[0] if len(values) == 1 and values[0] >= 0 else None
 
 
 def _noted(parts: Any) -> list[float]:  # noqa: ANN401 - as above

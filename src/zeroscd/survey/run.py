@@ -16,6 +16,7 @@ from zeroscd.images.read import read_file
 from zeroscd.output import check_target, make_folder, refuse_link
 from zeroscd.progress import Silent
 from zeroscd.renamed import renamed_fields
+from zeroscd.survey.events import find_events, write_events
 from zeroscd.survey.match_ledger import MatchLedger
 from zeroscd.survey.matching import MatchRules, PhotoMatch, match_photo
 from zeroscd.survey.reports import write_reports
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from zeroscd.batch.job import Engine
     from zeroscd.progress import Progress
     from zeroscd.retrieval.index import PlaceIndex
+    from zeroscd.survey.events import Event
 
 
 @renamed_fields({"sightings": "matches"})
@@ -36,11 +38,13 @@ class Summary:
     Attributes:
         matches: One for each new photo, in their order.
         batch: Summary of the comparison.
+        events: What was added or removed, each thing once, the most certain first.
         report: Path of the page.
     """
 
     matches: tuple[PhotoMatch, ...] = field(repr=False)
     batch: batch.Summary
+    events: tuple[Event, ...] = field(repr=False)
     report: Path
 
     @property
@@ -128,7 +132,7 @@ def compare(
     engine: Engine | None = None,
     progress: Progress | None = None,
 ) -> Summary:
-    """Compare every new photo with its old one, and write tables, maps and the report.
+    """Compare every new photo with its old one, and write tables, events, maps and the report.
 
     Args:
         matches: As `match_photos` returns them.
@@ -143,8 +147,10 @@ def compare(
     """
     manifest = batch.Manifest(base=".", rows=lambda: (_row(match) for match in matches))
     summary = batch.run(manifest, out, options=options, engine=engine, progress=progress)
+    events = find_events(Path(out), options or batch.Options())
+    write_events(Path(out), events)
     report = write_reports(Path(out), matches)
-    return Summary(matches=tuple(matches), batch=summary, report=report)
+    return Summary(matches=tuple(matches), batch=summary, events=tuple(events), report=report)
 
 
 def _key(path: str, state: str) -> str | None:

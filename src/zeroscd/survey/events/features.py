@@ -1,0 +1,66 @@
+"""Photos encoded once for all their neighbours, and aligned with each other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from zeroscd.alignment.align import align
+from zeroscd.cache import ExpiringCache
+from zeroscd.errors import ImageError
+from zeroscd.images.read import read_photo
+from zeroscd.records import Alignment
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from zeroscd.arrays import Homography
+    from zeroscd.batch.comparer import Options
+    from zeroscd.detector import Detector
+    from zeroscd.evidence import EncodedPhoto
+
+
+class PhotoFeatures:
+    """Encodes photos with a survey's own detector, which is made when first needed.
+
+    Args:
+        options: How the survey compares: its detector and memory for encoded photos.
+        fetch: Returns a photo's bytes, or raises ImageError.
+    """
+
+    def __init__(self, options: Options, fetch: Callable[[str], bytes]) -> None:
+        self._make_detector = options.detector
+        self._detector: Detector | None = None
+        self._fetch = fetch
+        self._unreadable: set[str] = set()
+        self._encoded: ExpiringCache[EncodedPhoto] = ExpiringCache(
+            options.cache_bytes, size_of=lambda photo: photo.size_bytes, keep_newest=True
+        )
+
+    def encode(self, photo: str) -> EncodedPhoto | None:
+        """Encode a photo; None if it can no longer be read."""
+        if photo in self._unreadable:
+            return None
+        known = self._encoded.get(photo)
+        if known is None:
+            try:
+                decoded = read_photo(self._fetch(photo))
+            except ImageError:
+                self._unreadable.add(photo)
+                return None
+            (known,) = self._loaded().encode([decoded.pixels])
+            self._encoded.put(known, photo)
+        return known
+
+    def align(self, photo_a: EncodedPhoto, photo_b: EncodedPhoto) -> Homography | None:
+        """Return b_from_a; None where the photos cannot be aligned."""
+        found = align(
+            photo_a.maps,
+            photo_b.maps,
+            self._loaded().settings.align,
+            sizes_hw=(photo_a.size_hw, photo_b.size_hw),
+        )
+        return found.t1_from_t0 if isinstance(found, Alignment) else None
+
+    def _loaded(self) -> Detector:
+        self._detector = self._detector or self._make_detector()
+        return self._detector
