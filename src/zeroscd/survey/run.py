@@ -44,7 +44,7 @@ class Summary:
 
     matches: tuple[PhotoMatch, ...] = field(repr=False)
     batch: batch.Summary
-    events: tuple[Event, ...] = field(repr=False)
+    events: tuple[Event, ...] = field(default=(), repr=False)
     report: Path
 
     @property

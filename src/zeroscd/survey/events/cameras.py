@@ -40,7 +40,7 @@ def read_cameras(photos: Iterable[str], fetch: Callable[[str], bytes]) -> list[C
     longer be read notes nothing.
 
     Args:
-        photos: As `pairs.parquet` has them, in the order of the survey, which is that of their names.
+        photos: As `pairs.parquet` has them, in the order of their names.
         fetch: Returns a file's bytes, or raises ImageError.
     """
     cameras = [Camera(photo, exif, exif.heading_deg) for photo, exif in _noted(photos, fetch)]

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from zeroscd.arrays import PointsXy
     from zeroscd.records import Kind
 
+HALF_PIXEL = 0.5  # the tables' outlines count corners of pixels; here, centres are whole numbers
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
@@ -33,7 +35,7 @@ class Sighting:
         place: Latitude and longitude of either photo of the pair; None if neither has any.
         size_hw: Height and width of the photo.
         area_px: Number of pixels.
-        rings_xy: Its outlines, (N, 2) each.
+        rings_xy: Its outlines, (N, 2) each, in pixels.
         seen_by: Views that show its place.
     """
 
@@ -95,6 +97,6 @@ def _sighting(change: Mapping[str, Any], pair: Mapping[str, Any]) -> Sighting:
         place=None if None in place else place,
         size_hw=(int(change["height"]), int(change["width"])),
         area_px=int(change["area_px"]),
-        rings_xy=tuple(np.array(ring, np.float64) for ring in change["polygon_xy"]),
+        rings_xy=tuple(np.array(ring) - HALF_PIXEL for ring in change["polygon_xy"]),
         seen_by=int(change.get("seen_by") or 1),
     )
