@@ -27,7 +27,6 @@ IDLE = 300
 IDLE_SECONDS = 45  # no connection may be kept longer
 FILE_BYTES = 20_000_000  # the largest file on the disk that is "full"
 FORM = "multipart/form-data; boundary=b"
-MOST_BYTES = 900e6  # of the server, at any time
 NO_LIMITS = httpx.Limits(max_connections=None)
 
 
@@ -244,59 +243,6 @@ async def _outcome(client: httpx.AsyncClient, address: str) -> str:
     while (found := (await client.get(address)).json()).get("status") != "done":
         await asyncio.sleep(0.5)
     return str(found["pairs"][0]["status"])
-
-
-def table(found: dict[str, Any]) -> str:
-    """Write what was tried and survived as a Markdown table."""
-    rows = [
-        *_table_rows(found, "headers", ""),
-        *_table_rows(found, "idle", "300 idle connections: "),
-    ]
-    if "jobs" in found:
-        each = found["jobs"]
-        tried = f"{each['clients']} clients with jobs of {each['megabytes_each']} MB"
-        rows.append((tried, _is_alive(each) and each["alive_afterwards"], _told(each)))
-    for kind, each in found.get("crosssite", {}).items():
-        is_ours = kind in {"curl", "our own page", "a proxy's name"}
-        right = [200, 200] if is_ours else [403, 403]
-        rows.append((f"request: {kind}", each["statuses"] == right, str(each["statuses"])))
-    if "disk" in found:
-        each = found["disk"]
-        survived = _is_alive(each) and each["tracebacks"] == 0 and set(each["pairs"]) == {"done"}
-        rows.append(("a full disk", survived, f"{_told(each)}; afterwards {each['pairs']}"))
-    if "kill" in found:
-        each = found["kill"]
-        lost = f"{each['jobs_lost']} of {each['jobs_acknowledged']} jobs lost"
-        rows.append((f"killed {each['kills']} times", each["jobs_lost"] == 0, lost))
-    if "load" in found:
-        each = found["load"]
-        survived = set(each["statuses"]) <= {"200", "429"}
-        rows.append((f"{each['clients']} clients", survived, str(each["statuses"])))
-    lines = [f"| {what} | {'yes' if good else 'NO'} | {told} |" for what, good, told in rows]
-    return "\n".join(["| tried | survived | |", "|---|---|---|", *lines, ""])
-
-
-def _table_rows(found: dict[str, Any], key: str, what: str) -> list[tuple[str, bool, str]]:
-    return [
-        (what + kind, _is_alive(each), _told(each)) for kind, each in found.get(key, {}).items()
-    ]
-
-
-def _is_alive(each: dict[str, Any]) -> bool:
-    probe = each["healthz"]
-    return probe["slowest_seconds"] < 1 and not probe["failed"] and each["most_bytes"] < MOST_BYTES
-
-
-def _told(each: dict[str, Any]) -> str:
-    parts = [
-        f"`/healthz` within {each['healthz']['slowest_seconds']} s",
-        f"{each['most_bytes'] / 1e6:.0f} MB at most",
-    ]
-    if "statuses" in each:
-        parts.append(", ".join(f"{count} x {status}" for status, count in each["statuses"].items()))
-    if "oldest_seconds" in each:
-        parts.append(f"all closed after {each['oldest_seconds']} s")
-    return "; ".join(parts)
 
 
 def _form(data: bytes) -> dict[str, tuple[str, bytes]]:

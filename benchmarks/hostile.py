@@ -81,7 +81,7 @@ def _kinds(photo: bytes) -> Iterator[tuple[str, Callable[[random.Random], Any]]]
 
 
 def slow_headers(photo: bytes) -> dict[str, bytes]:
-    """Return files whose headers once kept Pillow busy for seconds, or took gigabytes.
+    """Return files that once kept Pillow busy for seconds, or took gigabytes, by their headers.
 
     Args:
         photo: A sound JPEG, which some of them end with.
@@ -97,6 +97,7 @@ def slow_headers(photo: bytes) -> dict[str, bytes]:
         "JPEG of 24 MB of empty APP segments": b"\xff\xd8" + 6_000_000 * empty + photo[2:],
         "JPEG of 4 MB of stray bytes": b"\xff\xd8" + 4_000_000 * b"\xff" + photo[2:],
         "GIF of 1.5 MB of comments": b"GIF89a" + bytes(7) + comment + b";",
+        "JPEG of 3,000 scans": scans(3000),
         "PNG of 24 MB of empty chunks": sound[:at] + 2_000_000 * note + sound[at:],
     }
 

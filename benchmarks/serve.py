@@ -2,9 +2,10 @@
 
     python benchmarks/serve.py [NAME] [--only SCENARIO] [--seconds 120]
 
-Scenarios: together, load, page, kill, hostile, headers, jobs, idle, crosssite, disk. Starts
-`zeroscd serve` itself, on a free port of this machine. Writes benchmarks/results/serve/NAME.json,
-which benchmarks/README.md describes, and NAME.md: what was tried, and what was survived.
+Scenarios: together, load, page, kill, hostile, headers, commandline, jobs, idle, crosssite, disk.
+Starts `zeroscd serve` itself, on a free port of this machine. Writes
+benchmarks/results/serve/NAME.json, which benchmarks/README.md describes, and NAME.md: what was
+tried, and what was survived.
 """
 
 from __future__ import annotations
@@ -18,15 +19,18 @@ import random
 import tempfile
 import time
 from collections import Counter
+from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import httpx
-from attacks import crosssite, disk, headers, idle, jobs, table
+from attacks import crosssite, disk, headers, idle, jobs, probed
+from commandline import commandline
 from hostile import QUICKLY, SEED, SLOW, uploads
-from server import Server, running
+from serve_table import table
+from server import BusyCores, Server, running
 
 from zeroscd.output import write_json
 
@@ -54,13 +58,14 @@ async def load(clients: int, seconds: float) -> dict[str, Any]:
         async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
             for _ in range(WARM_UP):
                 await client.post("/v1/detect", files=pair_files())
-            start_bytes, server.max_bytes = server.memory(), 0
+            start_bytes = server.memory()
             statuses: Counter[str] = Counter()
             times: list[float] = []
             end = time.monotonic() + seconds
-            await asyncio.gather(
-                *(_visitor(client, n, end, statuses, times) for n in range(clients))
-            )
+            with probed(server) as figures:
+                await asyncio.gather(
+                    *(_visitor(client, n, end, statuses, times) for n in range(clients))
+                )
         spent = time.monotonic() - end + seconds  # the last answers come after the end
         await asyncio.sleep(CALM_SECONDS)
         times.sort()
@@ -72,11 +77,8 @@ async def load(clients: int, seconds: float) -> dict[str, Any]:
             "pairs_per_second": round(statuses["200"] / spent, 3),
             "p50_seconds": round(median(times), 2),
             "p95_seconds": round(times[int(0.95 * len(times))], 2),
-            "memory_bytes": {
-                "before": start_bytes,
-                "most": server.max_bytes,
-                "after": server.memory(),
-            },
+            **figures,
+            "memory_bytes": {"before": start_bytes, "after": server.memory()},
             "left_over_files": len(server.left_over()),
         }
 
@@ -107,13 +109,14 @@ async def page(visitors: int, seconds: float) -> dict[str, Any]:
     """Many visitors of the page: each compares, moves a threshold, and starts again."""
     with running() as server:
         async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
-            start_bytes, server.max_bytes = server.memory(), 0
+            start_bytes = server.memory()
             statuses: Counter[str] = Counter()
             times: dict[str, list[float]] = {"compared": [], "moved": []}
             end = time.monotonic() + seconds
-            await asyncio.gather(
-                *(_page_visitor(client, n, end, statuses, times) for n in range(visitors))
-            )
+            with probed(server) as figures:
+                await asyncio.gather(
+                    *(_page_visitor(client, n, end, statuses, times) for n in range(visitors))
+                )
         return {
             "visitors": visitors,
             "seconds": seconds,
@@ -122,11 +125,8 @@ async def page(visitors: int, seconds: float) -> dict[str, Any]:
                 f"{what}_seconds": {"p50": round(median(found), 2), "most": round(max(found), 2)}
                 for what, found in times.items()
             },
-            "memory_bytes": {
-                "before": start_bytes,
-                "most": server.max_bytes,
-                "after": server.memory(),
-            },
+            **figures,
+            "memory_bytes": {"before": start_bytes, "after": server.memory()},
         }
 
 
@@ -244,11 +244,11 @@ async def hostile(count: int) -> dict[str, Any]:
     with running() as server:
         async with httpx.AsyncClient(base_url=server.url, timeout=120, limits=NO_LIMITS) as client:
             await client.post("/v1/detect", files=pair_files())
-            start_bytes, server.max_bytes = server.memory(), 0
-            slots = asyncio.Semaphore(8)
-            found = await asyncio.gather(
-                *(_attack(client, server.url, slots, *upload) for upload in uploads(count, AFTER))
-            )
+            start_bytes, slots = server.memory(), asyncio.Semaphore(8)
+            with probed(server) as figures:
+                found = await asyncio.gather(
+                    *(_attack(client, server.url, slots, *one) for one in uploads(count, AFTER))
+                )
             alive = (await client.post("/v1/detect", files=pair_files())).status_code
         by_kind: dict[str, Counter[str]] = {}
         for kind, status, _ in found:
@@ -256,17 +256,14 @@ async def hostile(count: int) -> dict[str, Any]:
         return {
             "uploads": len(found),
             "seed": SEED,
-            "statuses": {kind: dict(counts) for kind, counts in sorted(by_kind.items())},
+            "by_kind": {kind: dict(counts) for kind, counts in sorted(by_kind.items())},
             "not_4xx": sum(not status.startswith("4") for _, status, _ in found),
             "slowest_seconds": {
                 "slow_senders": round(max(s for k, _, s in found if k in SLOW), 2),
                 "others": round(max(s for k, _, s in found if k not in SLOW), 2),
             },
-            "memory_bytes": {
-                "before": start_bytes,
-                "most": server.max_bytes,
-                "after": server.memory(),
-            },
+            **figures,
+            "memory_bytes": {"before": start_bytes, "after": server.memory()},
             "left_over_files": len(server.left_over()),
             "alive_afterwards": alive == httpx.codes.OK,
         }
@@ -325,6 +322,7 @@ def main() -> None:
         "kill": kill,
         "hostile": lambda: hostile(arguments.count),
         "headers": headers,
+        "commandline": commandline,
         "jobs": jobs,
         "idle": idle,
         "crosssite": crosssite,
@@ -335,11 +333,14 @@ def main() -> None:
     path = RESULTS / f"{arguments.name}.json"
     found = json.loads(path.read_text()) if path.exists() else {}
     found |= {"schema": 1, "name": arguments.name, "system": platform.platform(terse=True)}
-    found["load_average"] = round(os.getloadavg()[0], 1)
+    found.setdefault("measured", {})
     for name, scenario in scenarios.items():
         if arguments.only in (None, name):
+            busy = BusyCores()
             found[name] = asyncio.run(scenario())
-            print(name, json.dumps(found[name], indent=1))
+            today = datetime.now(UTC).date().isoformat()
+            found["measured"][name] = {"date": today, "cores_of_others": busy.of_others()}
+            print(name, json.dumps(found[name], indent=1), flush=True)
     write_json(found, path)
     path.with_suffix(".md").write_text(table(found))
 

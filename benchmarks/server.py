@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -74,6 +76,26 @@ class Server:
                 self.max_bytes = max(self.max_bytes, self.memory())
             except OSError:
                 return
+
+
+class BusyCores:
+    """How many of the machine's cores other programs used since this was made."""
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+        self._before = self._seconds_of_others()
+
+    def of_others(self) -> float:
+        """Return a mean over the time that passed; this program and what it ended do not count."""
+        used = self._seconds_of_others() - self._before
+        return round(max(0.0, used / (time.monotonic() - self._start)), 2)
+
+    @staticmethod
+    def _seconds_of_others() -> float:
+        user, nice, system = map(int, Path("/proc/stat").read_text().split()[1:4])
+        ours = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+        all_programs = (user + nice + system) / os.sysconf("SC_CLK_TCK")
+        return all_programs - sum(each.ru_utime + each.ru_stime for each in ours)
 
 
 @contextmanager
