@@ -47,8 +47,10 @@ GAIN, NOISE = 0.2, 4.0  # of the perturbed photo after: +- share of light, grey 
 ALONE = {**os.environ, "OMP_NUM_THREADS": "1"}
 REAL_PAIRS = 30  # at the photos' own size
 ENGINES = ("local", "ray")
-KILLS, KILL_PAIRS, LATEST_S, SEED = 10, 1000, 30.0, 7
+KILLS, KILL_PAIRS, SEED = 10, 1000, 7
+MAX_MORE, MAX_DELAY_S = 60, 1.0  # a kill comes after so many more pairs, and so long after that
 HOSTILE_PAIRS, CORRUPT = 100, 5  # every fifth photo after is damaged
+BATCH = (sys.executable, "-c", "from zeroscd.cli.main import main; main()", "batch")
 WAIT_S = 2.0  # for an address that never answers
 BARE = """
 import json, sys, time
@@ -171,26 +173,17 @@ def write_manifest(path: Path, rows: list[tuple[Any, ...]]) -> Path:
     return path
 
 
-def batch(
-    *words: object, kill_after_s: float | None = None, env: dict[str, str] | None = None
-) -> Done:
+def batch(*words: object, env: dict[str, str] | None = None) -> Done:
     """Run `zeroscd batch` in a process of its own."""
-    command = [sys.executable, "-c", "from zeroscd.cli.main import main; main()", "batch"]
-    return measured([*command, *map(str, words)], kill_after_s=kill_after_s, env=env)
+    return measured([*BATCH, *map(str, words)], env=env)
 
 
-def measured(
-    command: list[str], *, kill_after_s: float | None = None, env: dict[str, str] | None = None
-) -> Done:
-    """Run a command, perhaps kill it, and say what it took."""
+def measured(command: list[str], *, env: dict[str, str] | None = None) -> Done:
+    """Run a command and say what it took."""
     began = time.perf_counter()
     process = subprocess.Popen(  # noqa: S603 - our own commands
         command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=env
     )
-    if kill_after_s is not None:
-        time.sleep(kill_after_s)
-        # Not process.kill(), which would collect a process that was quicker, and its usage with it.
-        os.kill(process.pid, signal.SIGKILL)
     assert process.stderr is not None  # noqa: S101 - asked for above
     stderr = process.stderr.read()
     _, status, usage = os.wait4(process.pid, 0)
@@ -338,13 +331,8 @@ def kills(bench: Bench) -> dict[str, Any]:
         out = bench.fresh(f"kills-{engine}")
         words = (manifest, "-o", out, "--engine", engine, *SMALL)
         dice = random.Random(seed)  # noqa: S311 - moments, no secrets
-        moments = [round(dice.uniform(1, LATEST_S), 2) for _ in range(KILLS)]
-        killed: list[tuple[int, int]] = []
-        for moment in moments:
-            code = batch(*words, kill_after_s=moment).code
-            killed.append((code, len(list(out.glob("*/mask.png")))))
+        killed = [kill_at(dice, words, out) for _ in range(KILLS)]
         found[engine] = {
-            "killed_after_s": moments,
             "exit_codes": [code for code, _ in killed],
             "pairs_done_when_killed": [pairs for _, pairs in killed],
             "last_exit_code": batch(*words).code,
@@ -355,19 +343,43 @@ def kills(bench: Bench) -> dict[str, Any]:
     return found
 
 
+def kill_at(dice: random.Random, words: tuple[object, ...], out: Path) -> tuple[int, int]:
+    """Run a batch and kill it at a random moment; return its exit code and the pairs done by then.
+
+    The moment is told by pairs, or a slow machine would be killed before its first one.
+    """
+    aim, delay_s = pairs_done(out) + dice.randint(0, MAX_MORE), dice.uniform(0, MAX_DELAY_S)
+    process = subprocess.Popen(  # noqa: S603 - as above
+        [*BATCH, *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    wait_for(process, out, aim)
+    time.sleep(delay_s)
+    process.kill()
+    return process.wait(), pairs_done(out)
+
+
+def wait_for(process: subprocess.Popen[Any], out: Path, pairs: int) -> None:
+    """Wait until a batch has written so many pairs, or has ended."""
+    while process.poll() is None and pairs_done(out) < pairs:
+        time.sleep(0.02)
+
+
+def pairs_done(out: Path) -> int:
+    """Count the pairs whose files are in their place."""
+    return len(list(out.glob("*/mask.png")))
+
+
 def actor(bench: Bench) -> dict[str, Any]:
     """Kill a Ray actor in the middle of a run."""
     manifest = bench.manifest(KILL_PAIRS)
     quiet, out = bench.fresh("actor-quiet"), bench.fresh("actor")
     batch(manifest, "-o", quiet, *SMALL)
-    command = [sys.executable, "-c", "from zeroscd.cli.main import main; main()", "batch"]
     words = [manifest, "-o", out, "--engine", "ray", "--concurrency", 2, *SMALL]
     process = subprocess.Popen(  # noqa: S603 - as above
-        [*command, *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        [*BATCH, *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
-    while process.poll() is None and len(list(out.glob("*/mask.png"))) < KILL_PAIRS // 4:
-        time.sleep(0.1)
-    before = len(list(out.glob("*/mask.png")))
+    wait_for(process, out, KILL_PAIRS // 4)
+    before = pairs_done(out)
     victims = actors(process.pid)
     os.kill(victims[0], signal.SIGKILL)
     _, stderr = process.communicate()
