@@ -59,5 +59,4 @@ def _run(words: tuple[str, ...]) -> dict[str, Any]:
         "lines": said.count("\n"),
         "wall_s": time.monotonic() - start,
         "cpu_s": usage.ru_utime + usage.ru_stime,
-        "most_bytes": usage.ru_maxrss * 1024,
     }

@@ -102,7 +102,7 @@ def _commandline_rows(found: dict[str, Any]) -> list[tuple[str, bool, str]]:
         told = (
             f"{each['lines']} line; {each['wall_s']} s, of which {each['wall_s_beyond_start']} s "
             f"beyond the start of `zeroscd --version` ({each['cpu_s_beyond_start']} s of processor "
-            f"time); {each['most_bytes'] / MEGABYTE:.0f} MB"
+            f"time)"
         )
         rows.append((f"`zeroscd detect`: {kind}", survived, told))
     return rows
