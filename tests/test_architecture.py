@@ -30,6 +30,7 @@ LAYERS = (
     ("models", "evidence", "pages"),
     ("fingerprint", "export"),
     ("steps", "result"),
+    ("views",),
     ("detector",),
     ("retrieval",),
     ("evaluation", "batch"),

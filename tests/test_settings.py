@@ -157,7 +157,7 @@ def test_the_papers_rules_undo_what_a_preset_does_differently(name: str) -> None
 def test_what_only_weighs_evidence_is_a_threshold_and_nothing_else() -> None:
     refining = {f.name for f in dataclasses.fields(RefineSettings)}
     fitting = {"tau", "threshold", "background_quantile", "tau_share", "coarse_raster"}
-    assert refining | fitting | {"frame", "judge"} == THRESHOLDS
+    assert refining | fitting | {"consensus", "frame", "judge"} == THRESHOLDS
     assert is_threshold("beta")
     assert not is_threshold("side_px")
 

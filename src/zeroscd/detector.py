@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 from zeroscd.alignment.align import align
 from zeroscd.alignment.homography import homography_or_resize
+from zeroscd.errors import ImageError
 from zeroscd.evidence import EncodedPhoto, Evidence, Pair
 from zeroscd.images.contrast import is_blank
 from zeroscd.images.read import read_photo
@@ -19,7 +21,6 @@ from zeroscd.settings import preset as settings_of
 from zeroscd.settings import require_same_evidence
 from zeroscd.steps import (
     all_segments,
-    coarse_changes,
     distances,
     judge,
     removed_and_added,
@@ -27,6 +28,7 @@ from zeroscd.steps import (
     verified_ground_of,
 )
 from zeroscd.timer import StageTimer
+from zeroscd.views import join, several, sights
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -39,8 +41,8 @@ log = logging.getLogger(__name__)
 
 
 def detect(
-    before: PhotoSource,
-    after: PhotoSource,
+    before: PhotoSource | Sequence[PhotoSource],
+    after: PhotoSource | Sequence[PhotoSource],
     *,
     preset: str = "lite",
     device: str = "auto",
@@ -51,8 +53,9 @@ def detect(
     Loads the models each time; for many pairs make a `Detector` once.
 
     Args:
-        before: The t0 photo: a path, bytes, a PIL image or an (H, W, 3) uint8 RGB array.
-        after: The t1 photo.
+        before: The t0 photo: a path, bytes, a PIL image or an (H, W, 3) uint8 RGB array; or a list
+            of photos of the place, see `Detector.detect`.
+        after: The t1 photo, or a list.
         preset: Name of a bundle of models and settings (`zeroscd.PRESETS`).
         device: "auto", "cpu", "cuda" or "mps".
         settings: Settings that differ from the preset's, by name: `tau=0.9`, `frame="t0"`.
@@ -97,17 +100,31 @@ class Detector:
         settings = settings_of(name).override(overrides or {})
         return cls(settings, load_models(settings, device=device), preset=name)
 
-    def detect(self, before: PhotoSource, after: PhotoSource) -> ChangeResult:
+    def detect(
+        self,
+        before: PhotoSource | Sequence[PhotoSource],
+        after: PhotoSource | Sequence[PhotoSource],
+    ) -> ChangeResult:
         """Find what changed; the photos may differ in size.
 
         The same as `encode`, `compare` and `decide`, one after the other.
 
+        With several photos of the place on a side, what changed is what enough of the views agree
+        on (`consensus`): what passed by, or shifts by parallax, is not in all of them. The result
+        is in the frames of the first photos; a photo that cannot be aligned is named in
+        `further_photos`.
+
+        Args:
+            before: The t0 photo, or a list of old photos of the place.
+            after: The t1 photo, or a list of new ones.
+
         Raises:
-            ImageError: A photo cannot be read.
+            ImageError: A photo cannot be read, or a side has none.
         """
         timer = StageTimer()
-        photo_t0, photo_t1 = self.encode([before, after], timer=timer)
-        evidence = self.compare(photo_t0, photo_t1, timer=timer)
+        old, new = _listed(before, "before"), _listed(after, "after")
+        encoded = self.encode([*old, *new], timer=timer)
+        evidence = self.compare(encoded[: len(old)], encoded[len(old) :], timer=timer)
         return self.decide(evidence)
 
     def encode(
@@ -134,16 +151,31 @@ class Detector:
         ]
 
     def compare(
-        self, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto, *, timer: StageTimer | None = None
+        self,
+        before: EncodedPhoto | Sequence[EncodedPhoto],
+        after: EncodedPhoto | Sequence[EncodedPhoto],
+        *,
+        timer: StageTimer | None = None,
     ) -> Evidence:
-        """Align two photos and gather everything that no threshold decides.
+        """Align old and new photos and gather everything that no threshold decides.
 
         Args:
-            photo_t0: The photo before.
-            photo_t1: The photo after.
+            before: The photo before, or several of the place.
+            after: The photo after, or several.
             timer: Counts the seconds, where someone wants to know.
         """
         timer = timer or StageTimer()
+        old = [before] if isinstance(before, EncodedPhoto) else before
+        new = [after] if isinstance(after, EncodedPhoto) else after
+        evidence = join(
+            [[self._pair(photo_t0, photo_t1, timer) for photo_t1 in new] for photo_t0 in old]
+        )
+        with timer.stage("segment"):
+            everything = self.settings.segment.prompting == "everything"
+            segments = all_segments(evidence.pair) if everything else None
+        return replace(evidence, segments=segments, seconds=timer.seconds)
+
+    def _pair(self, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto, timer: StageTimer) -> Evidence:
         sizes_hw = (photo_t0.size_hw, photo_t1.size_hw)
         with timer.stage("align"):
             alignment = _blankness(photo_t0.photo, photo_t1.photo) or align(
@@ -155,18 +187,15 @@ class Detector:
         with timer.stage("coarse"):
             distances_t0, distances_t1 = distances(pair, self.settings.change)
             ground = verified_ground_of(pair)
-        with timer.stage("segment"):
-            everything = self.settings.segment.prompting == "everything"
-            segments = all_segments(pair) if everything else None
         return Evidence(
             pair=pair,
             alignment=alignment,
             distances_t0=distances_t0,
             distances_t1=distances_t1,
             ground=ground,
-            segments=segments,
+            segments=None,
             settings=self.settings,
-            seconds=timer.seconds,
+            seconds={},
         )
 
     def decide(self, evidence: Evidence, settings: Settings | None = None) -> ChangeResult:
@@ -184,13 +213,15 @@ class Detector:
         require_same_evidence(chosen, evidence.settings)
         timer, pair = StageTimer(evidence.seconds), evidence.pair
         with timer.stage("coarse"):
-            coarse = coarse_changes(evidence, chosen, tau=self.models.encoder.tau)
+            seen = sights(evidence, chosen, tau=self.models.encoder.tau)
+            coarse = seen[0].coarse, seen[1].coarse
         with timer.stage("segment"):
             segments = evidence.segments or segments_around(pair, coarse)
         with timer.stage("refine"):
-            masks = removed_and_added(pair, coarse, segments, chosen.refine)
+            rules = chosen.refine if not evidence.others else several(chosen.refine)
+            masks = removed_and_added(pair, coarse, segments, rules)
         with timer.stage("judge"):
-            judged = judge(evidence, coarse, masks, chosen.judge)
+            judged = judge(pair, seen, masks, chosen.judge)
             unseen_t0, unseen_t1 = (one.unknown for one in coarse)
             regions = find_regions(*judged.parts, (unseen_t0, unseen_t1))
         (side_t0, side_t1), (removed, added) = pair.sides, judged.masks
@@ -211,12 +242,22 @@ class Detector:
             settings=chosen,
             preset=self.preset,
             seconds=timer.seconds,
+            further_photos=evidence.further_photos,
         )
 
     def look(self, photos: Sequence[PhotoSource]) -> list[EncodedPhoto]:
         """Encode photos, by the old name of `encode`."""
         warn_renamed("Detector.look", "Detector.encode")
         return self.encode(photos)
+
+
+def _listed(photos: PhotoSource | Sequence[PhotoSource], when: str) -> Sequence[PhotoSource]:
+    if not isinstance(photos, list | tuple):
+        return [cast("PhotoSource", photos)]
+    if not photos:
+        message = f"no photo {when}: give one photo of the place or a list of them"
+        raise ImageError(message)
+    return photos
 
 
 def _blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.images.photo import Photo
     from zeroscd.judge.ground import Ground
-    from zeroscd.records import Alignment, FeatureMap, NotAligned, Segments
+    from zeroscd.records import Alignment, FeatureMap, FurtherPhoto, NotAligned, Segments
     from zeroscd.segmenters.port import MaskProposals
     from zeroscd.settings import Settings
 
@@ -111,6 +111,8 @@ class Evidence:
             asked for (`prompting=coarse`), which the thresholds decide.
         settings: Under which the evidence was gathered.
         seconds: Wall time of each stage so far.
+        others: Other pairs of photos of the same place; none where each side has one photo.
+        further_photos: The photos of those pairs, and those that could not be used.
     """
 
     pair: Pair
@@ -121,3 +123,20 @@ class Evidence:
     segments: tuple[Segments, Segments] | None
     settings: Settings
     seconds: Mapping[str, float]
+    others: tuple[FurtherPair, ...] = ()
+    further_photos: tuple[FurtherPhoto, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherPair:
+    """Another pair of photos of the same place, and how both lie in the frames of the first pair.
+
+    Attributes:
+        evidence: Of this pair.
+        t0_from_own: From its photo before to the first pair's; None where no way is known.
+        t1_from_own: The same of its photo after.
+    """
+
+    evidence: Evidence
+    t0_from_own: Homography | None
+    t1_from_own: Homography | None

@@ -152,6 +152,21 @@ class NotAligned:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherPhoto:
+    """A photo beyond the first one of its side.
+
+    Attributes:
+        photo: The photo.
+        frame: The side it was given on: "t0" for an old photo, "t1" for a new one.
+        left_out: Why it says nothing about the place; None where it was used.
+    """
+
+    photo: Photo
+    frame: Frame
+    left_out: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Region:
     """One changed object or part of one.
 
@@ -168,6 +183,8 @@ class Region:
         support: 0..1, how well the change is supported by its surroundings; `judge` decides how
             much is needed.
         at_border: It lies mostly along what the other photo does not show.
+        seen_by: Views that show its place; a view is one old photo compared with one new one.
+        agreed_by: Of them, those that see the change.
     """
 
     id: int
@@ -180,6 +197,8 @@ class Region:
     rle: Mapping[str, object]
     support: float = 1.0
     at_border: bool = False
+    seen_by: int = 1
+    agreed_by: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,6 +221,7 @@ class Changes:
         settings: Everything that decided the outcome.
         preset: Name of the preset the settings started from.
         seconds: Wall time of each stage.
+        further_photos: Further photos of the place, beyond `before` and `after`.
     """
 
     before: Photo
@@ -218,6 +238,7 @@ class Changes:
     settings: Settings
     preset: str
     seconds: Mapping[str, float] = field(default_factory=dict)
+    further_photos: tuple[FurtherPhoto, ...] = ()
 
     @property
     def changed_fraction(self) -> float:

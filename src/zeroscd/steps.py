@@ -12,7 +12,14 @@ from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_dista
 from zeroscd.change.fusion import to_photo
 from zeroscd.judge.cues import JudgedSide, measure
 from zeroscd.judge.ground import verified_ground, verified_share
-from zeroscd.judge.support import MIN_SUPPORT, RING_SHARE, score_of, support_of
+from zeroscd.judge.sight import count_views
+from zeroscd.judge.support import (
+    MIN_SUPPORT,
+    ONE_VIEW,
+    SEVERAL_VIEWS,
+    score_of,
+    support_of,
+)
 from zeroscd.records import CoarseChange
 from zeroscd.refine.kinds import assign_kinds
 from zeroscd.refine.regions import Part, connected_parts
@@ -26,6 +33,8 @@ if TYPE_CHECKING:
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.evidence import Evidence, Pair, Side
     from zeroscd.judge.ground import Ground
+    from zeroscd.judge.sight import Sight
+    from zeroscd.judge.support import Scale
     from zeroscd.records import Segments
     from zeroscd.settings import ChangeSettings, RefineSettings, Settings
 
@@ -151,27 +160,27 @@ class Judged(NamedTuple):
 
 
 def judge(
-    evidence: Evidence,
-    coarse: tuple[CoarseChange, CoarseChange],
+    pair: Pair,
+    sights: tuple[Sight, Sight],
     masks: tuple[Mask, Mask],
     step: Literal["all", "likely", "sure"],
 ) -> Judged:
     """Keep the parts with enough support; where nothing can be said is unknown.
 
     Args:
-        evidence: Of the pair.
-        coarse: Of t0 and of t1.
+        pair: Both photos.
+        sights: What the views say of t0 and of t1.
         masks: What changed in t0 and in t1.
         step: How much support is enough.
     """
-    pair = evidence.pair
     parts = tuple(
-        _parts(mask, _judged_side(side, change, ground))
-        for side, change, ground, mask in zip(
-            pair.sides, coarse, evidence.ground, masks, strict=True
-        )
+        _parts(mask, side, sight)
+        for side, sight, mask in zip(pair.sides, sights, masks, strict=True)
     )
-    kept = tuple([p for p in own if p.support >= MIN_SUPPORT[step]] for own in parts)
+    kept = tuple(
+        [p for p in own if p.support >= MIN_SUPPORT[_step_for(p, sight, step)]]
+        for own, sight in zip(parts, sights, strict=True)
+    )
     believed = tuple(
         unite((part.segment for part in own), mask.shape)
         for own, mask in zip(kept, masks, strict=True)
@@ -183,26 +192,40 @@ def judge(
         rejected[1] | side_t1.bring_mask(rejected[0]),
     )
     unknown = tuple(
-        change.unknown | doubtful | _unverified(ground, change, step)
-        for change, doubtful, ground in zip(coarse, not_judged, evidence.ground, strict=True)
+        sight.coarse.unknown | doubtful | _unverified(sight, step)
+        for sight, doubtful in zip(sights, not_judged, strict=True)
     )
     return Judged((kept[0], kept[1]), (believed[0], believed[1]), (unknown[0], unknown[1]))
 
 
-def _parts(mask: Mask, side: JudgedSide) -> list[Part]:
-    segments = connected_parts(mask)
-    supports = [support_of(measure(segment, side)) for segment in segments]
-    return [
-        Part(s, support, score_of(support)) for s, support in zip(segments, supports, strict=True)
-    ]
+def _parts(mask: Mask, side: Side, sight: Sight) -> list[Part]:
+    judged = _judged_side(side, sight)
+    parts = []
+    for segment in connected_parts(mask):
+        seen_by, agreed_by = count_views(segment, sight)
+        support = support_of(measure(segment, judged), _scale(seen_by))
+        parts.append(Part(segment, support, score_of(support), seen_by, agreed_by))
+    return parts
 
 
-def _judged_side(side: Side, coarse: CoarseChange, ground: Ground) -> JudgedSide:
+def _scale(seen_by: int) -> Scale:
+    return SEVERAL_VIEWS if seen_by > 1 else ONE_VIEW
+
+
+def _step_for(
+    part: Part, sight: Sight, step: Literal["all", "likely", "sure"]
+) -> Literal["all", "likely", "sure"]:
+    """Ask for more where only one of several views shows a part: it lies at their border."""
+    alone = len(sight.views) > 1 and part.seen_by == 1
+    return "sure" if alone and step == "likely" else step
+
+
+def _judged_side(side: Side, sight: Sight) -> JudgedSide:
     here, there = side.here.maps, side.there.maps
     largest = here[0].grid.size_hw
     return JudgedSide(
-        coarse=coarse,
-        ground=ground,
+        coarse=sight.coarse,
+        ground=sight.ground,
         fine=here[min(matching_level(here) + 1, len(here) - 1)].grid,
         coarsest=[
             (own, other)
@@ -213,12 +236,15 @@ def _judged_side(side: Side, coarse: CoarseChange, ground: Ground) -> JudgedSide
     )
 
 
-def _unverified(
-    ground: Ground, coarse: CoarseChange, step: Literal["all", "likely", "sure"]
-) -> Mask:
+def _unverified(sight: Sight, step: Literal["all", "likely", "sure"]) -> Mask:
     """Mark the pixels whose surroundings are not verified well enough to call them unchanged."""
-    size_hw = coarse.unknown.shape
+    unknown, ground = sight.coarse.unknown, sight.ground
     if step == "all":
-        return np.zeros(size_hw, dtype=bool)
-    share = to_photo(verified_share(ground, coarse.unknown), ground.grid, size_hw=size_hw)
-    return np.asarray(share < (RING_SHARE.likely if step == "likely" else RING_SHARE.sure))
+        return np.zeros(unknown.shape, dtype=bool)
+    share = to_photo(
+        verified_share(ground, unknown),
+        ground.grid,
+        size_hw=(unknown.shape[0], unknown.shape[1]),
+    )
+    ring = _scale(len(sight.views)).ring
+    return np.asarray(share < (ring.likely if step == "likely" else ring.sure))

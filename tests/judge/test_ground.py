@@ -44,7 +44,7 @@ def test_what_is_carried_behind_the_camera_verifies_nothing() -> None:
 
 
 def test_the_share_is_that_of_the_patches_around() -> None:
-    verified = np.zeros((10, 10), dtype=bool)
+    verified = np.zeros((10, 10), dtype=np.float32)
     verified[:, :5] = True
     share = verified_share(Ground(verified, GRID), np.zeros(SIZE_HW, dtype=bool))
     # 10.4 pixels are 1.3 patches, so a disk of radius 1: the patch and its four neighbours.
@@ -52,7 +52,7 @@ def test_the_share_is_that_of_the_patches_around() -> None:
 
 
 def test_what_the_other_photo_does_not_show_does_not_count() -> None:
-    verified = np.ones((10, 10), dtype=bool)
+    verified = np.ones((10, 10), dtype=np.float32)
     unseen = np.zeros(SIZE_HW, dtype=bool)
     unseen[:, 40:] = True
     share = verified_share(Ground(verified, GRID), unseen)

@@ -31,7 +31,11 @@ def changes(result: Changes) -> dict[str, Any]:
         "alignment": _alignment(result.alignment),
         "changed_fraction": float(result.changed_fraction),
         "judged_fraction": float(result.judged_fraction),
-        "regions": [region_values(region) for region in result.regions],
+        "regions": [
+            region_values(region) | (_views(region) if result.further_photos else {})
+            for region in result.regions
+        ],
+        **_further_photos(result),
         "seconds": {stage: float(value) for stage, value in result.seconds.items()},
     }
 
@@ -39,6 +43,25 @@ def changes(result: Changes) -> dict[str, Any]:
 def _photo(photo: Photo) -> dict[str, Any]:
     height, width = photo.size_hw
     return {"path": photo.path, "width": width, "height": height}
+
+
+def _further_photos(result: Changes) -> dict[str, Any]:
+    """Return nothing where each side has one photo: then the file is what it always was."""
+    if not result.further_photos:
+        return {}
+    photos = [
+        {
+            **_photo(one.photo),
+            "side": "before" if one.frame == "t0" else "after",
+            "left_out": one.left_out,
+        }
+        for one in result.further_photos
+    ]
+    return {"further_photos": photos}
+
+
+def _views(region: Region) -> dict[str, int]:
+    return {"seen_by": int(region.seen_by), "agreed_by": int(region.agreed_by)}
 
 
 def _alignment(alignment: Alignment | NotAligned) -> dict[str, Any]:

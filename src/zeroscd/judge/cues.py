@@ -102,7 +102,7 @@ def _verified_share(ring: Mask, side: JudgedSide) -> float:
     cells = np.rint(side.fine.to_cells(side.ground.grid.centres_xy())).astype(np.intp)
     cols, rows = cells.clip(0, np.array(ring.shape[::-1]) - 1).T
     in_ring = ring[rows, cols]
-    verified = int(np.count_nonzero(in_ring & side.ground.verified.ravel()))
+    verified = float(side.ground.verified.ravel()[in_ring].sum())
     return verified / max(int(np.count_nonzero(in_ring)), MIN_PATCHES)
 
 

@@ -29,11 +29,12 @@ class Ground:
     """Which patches of a photo are verified.
 
     Attributes:
-        verified: (rows, cols) the patch and its mutual match agree with the homography.
+        verified: (rows, cols) share of the views, 0..1, in which the patch and its mutual match
+            agree with the homography; with one view either 0 or 1.
         grid: Where the patches lie, in pixels of the photo.
     """
 
-    verified: Mask
+    verified: Map
     grid: PatchGrid
 
 
@@ -56,8 +57,8 @@ def verified_ground(
     index_here, index_there = matches
     error = carry(here.centres_xy()[index_here]) - there.centres_xy()[index_there]
     close = np.hypot(error[:, 0], error[:, 1]) < TOLERANCE * math.sqrt(math.prod(size_there_hw))
-    verified = np.zeros(here.size_hw, dtype=bool)
-    verified.flat[index_here[close]] = True
+    verified = np.zeros(here.size_hw, dtype=np.float32)
+    verified.flat[index_here[close]] = 1.0
     return Ground(verified, here)
 
 
@@ -74,7 +75,7 @@ def verified_share(ground: Ground, unseen: Mask) -> Map:
     disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)).astype(np.float32)
     verified_px, known_px = (
         cv2.filter2D(part.astype(np.float32), -1, disk, borderType=cv2.BORDER_CONSTANT)
-        for part in (ground.verified & known, known)
+        for part in (ground.verified * known, known)
     )
     return np.asarray(verified_px / np.maximum(known_px, MIN_PATCHES), dtype=np.float32)
 

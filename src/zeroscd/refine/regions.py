@@ -25,11 +25,18 @@ MOSTLY = 0.5  # share of a region along the border from which it is a region at 
 
 
 class Part(NamedTuple):
-    """A connected part of a changed mask, with its support and its score, both 0..1."""
+    """A connected part of a changed mask, with its support and its score, both 0..1.
+
+    Attributes:
+        seen_by: Views that show it.
+        agreed_by: Of them, those that see the change.
+    """
 
     segment: Segment
     support: float
     score: float
+    seen_by: int = 1
+    agreed_by: int = 1
 
 
 def connected_parts(mask: Mask) -> list[Segment]:
@@ -66,20 +73,23 @@ def find_regions(
 
 def _regions(parts: Iterable[Part], unseen: Mask, *, kind: Kind, frame: Frame) -> Iterator[Region]:
     border = _border(unseen)
-    for segment, support, score in parts:
+    for part in parts:
+        segment = part.segment
         inside = segment.crop()
         at_border_px = np.count_nonzero(inside & border[segment.window])
         yield Region(
             id=0,
             kind=kind,
-            score=score,
+            score=part.score,
             frame=frame,
             area_px=segment.area_px,
             bbox_xywh=segment.bbox_xywh,
             polygon_xy=outer_polygons(inside, offset_xy=segment.bbox_xywh[:2]),
             rle=encode_rle(segment.mask((unseen.shape[0], unseen.shape[1]))),
-            support=support,
+            support=part.support,
             at_border=bool(at_border_px > MOSTLY * segment.area_px),
+            seen_by=part.seen_by,
+            agreed_by=part.agreed_by,
         )
 
 

@@ -180,6 +180,11 @@ class Settings:
     judge: Literal["all", "likely", "sure"] = setting(
         "all", "which changes are kept, by their support", paper="all", threshold=True
     )
+    consensus: Share = setting(
+        0.8,
+        "with several photos of a place: share of the views of a pixel that must see it changed",
+        threshold=True,
+    )
     align: AlignSettings = field(default_factory=AlignSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)
     segment: SegmentSettings = field(default_factory=SegmentSettings)

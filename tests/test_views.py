@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from zeroscd.detector import Detector
+from zeroscd.errors import ImageError
+from zeroscd.export.changes import changes
+from zeroscd.models import Models
+from zeroscd.settings import Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from zeroscd.arrays import Mask, Rgb
+    from zeroscd.encoders.port import PatchEncoder
+    from zeroscd.result import ChangeResult
+
+    Detect = Callable[..., ChangeResult]
+
+CAR, SIGN, BIN = (32, 96, 64, 48), (160, 32, 32, 48), (128, 128, 32, 32)
+SHIFT = np.array([[1.0, 0, 32], [0, 1, -16], [0, 0, 1]])
+BACK = np.array([[1.0, 0, -16], [0, 1, 16], [0, 0, 1]])
+# Rules under which a drawn scene's truth is plain.
+PLAIN: dict[str, object] = {
+    "threshold": "encoder",
+    "search_radius": 0,
+    "alpha": 0.6,
+    "verify": "off",
+    "kinds": "frame",
+}
+
+
+@pytest.fixture
+def detect(toy_encoder: PatchEncoder) -> Detect:
+    """Detect between photos of drawn scenes, with models that know their outlines."""
+
+    def between(
+        scenes: Sequence[Any],
+        before: Rgb | list[Rgb],
+        after: Rgb | list[Rgb],
+        **overrides: object,
+    ) -> ChangeResult:
+        segmenter = scenes[0].segmenter()
+        for scene in scenes[1:]:
+            segmenter.script |= scene.segmenter().script
+        settings = Settings().override({**PLAIN, **overrides})
+        return Detector(settings, Models(toy_encoder, segmenter)).detect(before, after)
+
+    return between
+
+
+@pytest.fixture
+def street(draw_scene: Any) -> Callable[..., Any]:
+    """Draw a photo of one wall from a viewpoint, with things on it in its own pixels."""
+
+    def photo(motion: Any = None, things: Sequence[Any] = ()) -> Any:
+        return draw_scene(np.eye(3) if motion is None else motion, added=things)
+
+    return photo
+
+
+def test_one_photo_in_a_list_is_that_photo(detect: Detect, draw_scene: Any) -> None:
+    scene = draw_scene(SHIFT, removed=[CAR], added=[SIGN])
+    alone = detect([scene], scene.before, scene.after)
+    listed = detect([scene], [scene.before], [scene.after])
+    np.testing.assert_array_equal(listed.mask, alone.mask)
+    np.testing.assert_array_equal(listed.unknown, alone.unknown)
+    assert listed.regions == alone.regions
+    assert changes(listed) | {"seconds": 0} == changes(alone) | {"seconds": 0}
+
+
+def test_what_is_new_to_every_old_photo_is_added(
+    detect: Detect, street: Any, iou: Callable[[Mask, Mask], float]
+) -> None:
+    new, old = street(things=[SIGN]), [street(SHIFT), street(BACK), street()]
+    result = detect([new, *old], [one.after for one in old], new.after)
+    assert iou(result.added, new.added_t1) > 0.95
+    assert [(r.kind, r.seen_by, r.agreed_by) for r in result.regions] == [("added", 3, 3)]
+    assert len(result.further_photos) == 2
+    assert not any(one.left_out for one in result.further_photos)
+
+
+def test_what_stood_in_one_old_photo_only_is_no_change(detect: Detect, street: Any) -> None:
+    new, passing, old = street(), street(SHIFT, [CAR]), [street(BACK), street()]
+    scenes = [new, passing, *old]
+    assert detect(scenes, passing.after, new.after).removed.any()
+    for order in ([passing, *old], [old[0], passing, old[1]]):
+        result = detect(scenes, [one.after for one in order], new.after)
+        assert not result.mask.any()
+        assert result.regions == ()
+
+
+def test_what_is_gone_from_every_old_photo_is_removed(
+    detect: Detect, street: Any, iou: Callable[[Mask, Mask], float]
+) -> None:
+    there = (CAR[0] + 32, CAR[1] - 16, *CAR[2:])
+    new, old = street(), [street(things=[CAR]), street(SHIFT, [there])]
+    result = detect([new, *old], [one.after for one in old], new.after)
+    assert iou(result.removed, old[0].added_t1) > 0.95
+    assert [(r.kind, r.frame, r.seen_by, r.agreed_by) for r in result.regions] == [
+        ("removed", "t0", 2, 2)
+    ]
+
+
+def test_what_stands_in_one_new_photo_only_is_no_change(detect: Detect, street: Any) -> None:
+    old, passing, new = street(), street(SHIFT, [CAR]), street(BACK)
+    scenes = [old, passing, new]
+    assert detect(scenes, old.after, passing.after).added.any()
+    assert not detect(scenes, old.after, [passing.after, new.after]).mask.any()
+    assert not detect(scenes, old.after, [new.after, passing.after]).mask.any()
+
+
+def test_less_consensus_lets_fewer_views_decide(detect: Detect, street: Any) -> None:
+    new, same = street(things=[SIGN]), street(BACK, [(SIGN[0] - 16, SIGN[1] + 16, *SIGN[2:])])
+    old = [street(SHIFT), street(), same]
+    arguments = [new, *old], [one.after for one in old], new.after
+    assert not detect(*arguments, consensus=0.8).mask.any()
+    found = detect(*arguments, consensus=0.6)
+    assert [(r.kind, r.seen_by, r.agreed_by) for r in found.regions] == [("added", 3, 2)]
+
+
+def test_unknown_shrinks_to_what_no_view_shows(detect: Detect, street: Any) -> None:
+    new, left, right = street(), street(SHIFT), street(BACK)
+    scenes = [new, left, right]
+    alone = detect(scenes, left.after, new.after)
+    both = detect(scenes, [left.after, right.after], new.after)
+    other = detect(scenes, right.after, new.after)
+    np.testing.assert_array_equal(both.unseen, alone.unseen & other.unseen)
+    assert both.unseen.sum() < alone.unseen.sum()
+
+
+def test_a_photo_that_cannot_be_aligned_is_named_and_left_out(
+    detect: Detect, street: Any, draw_scene: Any
+) -> None:
+    new, old, stranger = street(things=[SIGN]), street(SHIFT), draw_scene(seed=7)
+    scenes = [new, old, stranger]
+    alone = detect(scenes, old.after, new.after)
+    result = detect(scenes, [old.after, stranger.after], new.after)
+    np.testing.assert_array_equal(result.mask, alone.mask)
+    (left_out,) = result.further_photos
+    assert (left_out.frame, left_out.photo.size_hw) == ("t0", (192, 256))
+    assert left_out.left_out is not None
+    assert left_out.left_out.startswith("not aligned: ")
+    written = changes(result)["further_photos"]
+    assert [(one["side"], one["left_out"]) for one in written] == [("before", left_out.left_out)]
+
+
+def test_the_first_photo_that_can_be_aligned_gives_the_frame(
+    detect: Detect, street: Any, draw_scene: Any
+) -> None:
+    new, old, stranger = street(things=[SIGN]), street(SHIFT), draw_scene(seed=7)
+    result = detect([new, old, stranger], [stranger.after, old.after], new.after)
+    np.testing.assert_array_equal(result.before.pixels, old.after)
+    assert result.added.any()
+    np.testing.assert_array_equal(result.further_photos[0].photo.pixels, stranger.after)
+
+
+def test_photos_of_other_places_stand_alone(detect: Detect, draw_scene: Any) -> None:
+    scene, other = draw_scene(seed=1), draw_scene(seed=2)
+    result = detect([scene, other], [scene.before, scene.before], [other.after])
+    alone = detect([scene, other], scene.before, other.after)
+    np.testing.assert_array_equal(result.mask, alone.mask)
+    assert [one.left_out is None for one in result.further_photos] == [False]
+
+
+@pytest.mark.parametrize("sides", [([], "after"), ("before", [])], ids=["before", "after"])
+def test_a_side_without_photos_is_refused(
+    detect: Detect, draw_scene: Any, sides: tuple[Any, Any]
+) -> None:
+    scene = draw_scene()
+    before, after = (getattr(scene, one) if isinstance(one, str) else one for one in sides)
+    with pytest.raises(ImageError, match=r"no photo (before|after): give one photo"):
+        detect([scene], before, after)
