@@ -10,17 +10,17 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 from zeroscd.batch.address import Fetcher
-from zeroscd.batch.task import Outcome
+from zeroscd.batch.task import FIRST, Outcome
 from zeroscd.cache import ExpiringCache
 from zeroscd.detector import Detector
 from zeroscd.export.files import render
 from zeroscd.export.table import change_rows, pair_row
 from zeroscd.fingerprint import digest, digest_code, digest_values, digest_weights, versions
-from zeroscd.images.exif import Exif, read_exif
+from zeroscd.images.exif import read_exif
 from zeroscd.images.read import read_photo
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from contextlib import AbstractContextManager
 
     from zeroscd.batch.task import Task
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 MEBIBYTE = 2**20
 LOCKS = 64  # of two workers that need one photo at once, one encodes it and the other waits
+PAIR = 2  # photos, of which any more are further views of the place
 DEFAULT_FILES = ("mask", "json")  # a few kilobytes a pair
 
 
@@ -90,22 +91,24 @@ class PairComparer:
         Raises:
             ImageError: A photo cannot be read.
         """
-        addresses = (task.before, task.after)
         files = [
             _File.read(address, self._fetch, path=path)
-            for address, path in zip(addresses, task.paths or addresses, strict=True)
+            for address, path in zip(task.addresses, task.paths or task.addresses, strict=True)
         ]
-        key = digest([self._fingerprint.encode(), *(file.digest.encode() for file in files)])
+        sides = files[: 1 + len(task.also_before)], files[1 + len(task.also_before) :]
+        key = self._key(*sides)
         if key == task.known:
             return Outcome(row=task.row, name=task.name, key=key, reused=True)
-        notes = (read_exif(files[0].content), read_exif(files[1].content))
         photos = [self._decode(file) for file in files]
         with slots:
             began = time.perf_counter()
-            result, hits = self._compare(files, photos)
+            views = [self._encode(*both) for both in zip(files, photos, strict=True)]
+            before, after = views[: len(sides[0])], views[len(sides[0]) :]
+            result = self._compare([one for one, _ in before], [one for one, _ in after])
             seconds = time.perf_counter() - began
+        hits = sum(hit for _, hit in views)
         return replace(
-            self._outcome(result, notes),
+            self._outcome(result, sides),
             row=task.row,
             name=task.name,
             key=key,
@@ -120,12 +123,14 @@ class PairComparer:
             return None
         return read_photo(file.content, name=file.address)
 
-    def _compare(self, files: list[_File], photos: list[Photo | None]) -> tuple[ChangeResult, int]:
-        before, after = (
-            self._encode(file, photo) for file, photo in zip(files, photos, strict=True)
-        )
-        result = self._detector.decide(self._detector.compare(before[0], after[0]))
-        return result, before[1] + after[1]
+    def _key(self, before: Sequence[_File], after: Sequence[_File]) -> str:
+        """Return a digest of everything that a comparison is computed from."""
+        views = [f"{len(before)} {len(after)}".encode()] if len(before) + len(after) > PAIR else []
+        digests = (file.digest.encode() for file in (*before, *after))
+        return digest([self._fingerprint.encode(), *views, *digests])
+
+    def _compare(self, before: list[EncodedPhoto], after: list[EncodedPhoto]) -> ChangeResult:
+        return self._detector.decide(self._detector.compare(before, after))
 
     def _encode(self, file: _File, photo: Photo | None) -> tuple[EncodedPhoto, bool]:
         """Return the encoded photo, and whether it came from the cache."""
@@ -139,11 +144,18 @@ class PairComparer:
         # The same bytes may lie at several addresses.
         return replace(encoded, photo=replace(encoded.photo, path=file.path)), hit
 
-    def _outcome(self, result: ChangeResult, notes: tuple[Exif, Exif]) -> Outcome:
+    def _outcome(self, result: ChangeResult, sides: tuple[list[_File], list[_File]]) -> Outcome:
+        # The frames are those of the first photos that could be aligned.
+        first = [
+            [file.path for file in side].index(str(photo.path))
+            for side, photo in zip(sides, (result.before, result.after), strict=True)
+        ]
+        before, after = (side[number].content for side, number in zip(sides, first, strict=True))
+        notes = read_exif(before), read_exif(after)
         return Outcome(
             row=0,
             name="",
-            pair=pair_row(result, notes),
+            pair={**pair_row(result, notes), **({FIRST: first} if any(first) else {})},
             changes=tuple(change_rows(result, notes)),
             files=render(result, self._write),
         )

@@ -155,5 +155,8 @@ def _write_tables(journal: Journal, paths: WrittenPaths, summary: Summary) -> No
             yield paths.in_row(row)
 
     folder = paths.folder
-    summary.regions = write_parquet(folder / CHANGES, journal.change_rows(), changes_schema())
-    write_parquet(folder / PAIRS, counted(), pairs_schema())
+    views = journal.has_views()
+    summary.regions = write_parquet(
+        folder / CHANGES, journal.change_rows(), changes_schema(views=views)
+    )
+    write_parquet(folder / PAIRS, counted(), pairs_schema(views=views))

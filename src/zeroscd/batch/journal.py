@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any, Self
 
 from zeroscd.batch.address import resolve
 from zeroscd.batch.names import safe_name, stem
-from zeroscd.batch.task import Row, Task
+from zeroscd.batch.storable import storable
+from zeroscd.batch.task import FIRST, Task
 from zeroscd.errors import OutputError
 from zeroscd.fingerprint import digest
 from zeroscd.output import cannot_write
-from zeroscd.text import is_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
 
-    from zeroscd.batch.task import Outcome
+    from zeroscd.batch.task import Outcome, Row
 
 FILE = "journal.sqlite"
 PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
@@ -42,7 +42,8 @@ DROP TABLE IF EXISTS names;
 CREATE TABLE IF NOT EXISTS done (name TEXT PRIMARY KEY, key TEXT NOT NULL, seconds REAL NOT NULL,
     content BLOB NOT NULL) WITHOUT ROWID;
 CREATE TABLE todo (row INTEGER PRIMARY KEY, id TEXT, name TEXT NOT NULL,
-    before TEXT, after TEXT, error TEXT, finished INTEGER NOT NULL);
+    before TEXT, after TEXT, also_before TEXT NOT NULL, also_after TEXT NOT NULL,
+    error TEXT, finished INTEGER NOT NULL);
 CREATE TABLE names (folded TEXT PRIMARY KEY, next INTEGER NOT NULL) WITHOUT ROWID;
 """
 
@@ -91,11 +92,21 @@ class Journal:
             for name in RESERVED:
                 self._claim(name)
             count = 0
-            for count, row in enumerate(map(_storable, rows), 1):
+            for count, row in enumerate(map(storable, rows), 1):
                 name = self._name(safe_name(row.id or stem(row.after or row.before or "pair")))
+                further = json.dumps(row.also_before), json.dumps(row.also_after)
                 self._database.execute(
-                    "INSERT INTO todo VALUES (?, ?, ?, ?, ?, ?, ?)",
-                    (count, row.id, name, row.before, row.after, row.error, row.error is not None),
+                    "INSERT INTO todo VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    (
+                        count,
+                        row.id,
+                        name,
+                        row.before,
+                        row.after,
+                        *further,
+                        row.error,
+                        bool(row.error),
+                    ),
                 )
         return count
 
@@ -109,16 +120,22 @@ class Journal:
                 as known; they are read to know that.
         """
         query = (
-            "SELECT row, todo.name, before, after, key, content FROM todo LEFT JOIN done "
-            "ON done.name = todo.name WHERE row > ? AND error IS NULL ORDER BY row LIMIT ?"
+            "SELECT row, todo.name, before, after, also_before, also_after, key, content FROM todo "
+            "LEFT JOIN done ON done.name = todo.name "
+            "WHERE row > ? AND error IS NULL ORDER BY row LIMIT ?"
         )
-        for row, name, before, after, key, packed in self._chunks(query):
+        for row, name, before, after, *further, key, packed in self._chunks(query):
+            also_before, also_after = (
+                tuple(resolve(address, base=base) for address in json.loads(one)) for one in further
+            )
             complete = key is not None and _is_complete(packed, folder / name, files)
             yield Task(
                 row=row,
                 name=name,
                 before=resolve(before, base=base),
                 after=resolve(after, base=base),
+                also_before=also_before,
+                also_after=also_after,
                 known=key if complete else None,
             )
 
@@ -149,16 +166,27 @@ class Journal:
             ).fetchone()
         return int(count)
 
+    def has_views(self) -> bool:
+        """Return whether a row has several photos on a side."""
+        with self._own_errors():
+            (count,) = self._database.execute(
+                "SELECT COUNT(*) FROM todo WHERE also_before != '[]' OR also_after != '[]'"
+            ).fetchone()
+        return bool(count)
+
     def pair_rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of `pairs.parquet`, in the manifest's order."""
-        for row, id_, name, before, after, error, seconds, packed in self._results():
+        for row, id_, name, *sides, error, seconds, packed in self._results():
             known = {} if error is not None else {**_unpack(packed)["pair"], "seconds": seconds}
+            before, after = _sides(sides, known.pop(FIRST, (0, 0)))
             yield {
                 "row": row,
                 "id": id_,
                 "pair": name,
-                "before": before,
-                "after": after,
+                "before": before[0],
+                "after": after[0],
+                "also_before": before[1:],
+                "also_after": after[1:],
                 "status": OK if error is None else FAILED,
                 "error": error,
                 **known,
@@ -166,15 +194,16 @@ class Journal:
 
     def change_rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of `changes.parquet`, in the manifest's order."""
-        for _, _, name, _, _, error, _, packed in self._results():
+        for _, _, name, *_, error, _, packed in self._results():
             if error is None:
                 for change in _unpack(packed)["changes"]:
                     yield {"pair": name, **change}
 
     def _results(self) -> Iterator[tuple[Any, ...]]:
         return self._chunks(
-            "SELECT row, id, todo.name, before, after, error, seconds, content FROM todo "
-            "LEFT JOIN done ON done.name = todo.name WHERE row > ? ORDER BY row LIMIT ?"
+            "SELECT row, id, todo.name, before, after, also_before, also_after, error, seconds, "
+            "content FROM todo LEFT JOIN done ON done.name = todo.name "
+            "WHERE row > ? ORDER BY row LIMIT ?"
         )
 
     def _chunks(self, query: str) -> Iterator[tuple[Any, ...]]:
@@ -255,16 +284,10 @@ def _unpack(packed: bytes) -> Mapping[str, Any]:
     return content
 
 
-def _storable(row: Row) -> Row:
-    """Return the row, as an error if a database or Parquet file cannot hold one of its names."""
-    names = (row.before, row.after, row.id)
-    undecodable = [_escaped(name) for name in names if name and not is_text(name)]
-    if not undecodable:
-        return row
-    before, after, id_ = (name and _escaped(name) for name in names)
-    error = f"{undecodable[0]} is not a UTF-8 name; rename it"
-    return Row(before=before, after=after, id=id_, error=error)
-
-
-def _escaped(name: str) -> str:
-    return name.encode("utf-8", "backslashreplace").decode()
+def _sides(columns: list[Any], first: Sequence[int]) -> tuple[list[Any], list[Any]]:
+    """Return the addresses before and after, those in whose frame the results are first."""
+    before, after, also_before, also_after = columns
+    sides = [before, *json.loads(also_before)], [after, *json.loads(also_after)]
+    for side, number in zip(sides, first, strict=True):
+        side.insert(0, side.pop(number))
+    return sides

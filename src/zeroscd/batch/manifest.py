@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import csv
+import os
 import unicodedata
 from collections import defaultdict
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, BinaryIO, cast
 
-from zeroscd.batch.address import is_remote, missing_package, path_of
+from zeroscd.batch.address import existing_spelling, is_remote, missing_package, path_of, resolve
 from zeroscd.batch.names import stem
 from zeroscd.batch.readers import read_csv, read_jsonl, read_parquet
 from zeroscd.batch.task import Row
@@ -28,6 +29,8 @@ READERS = {
     ".ndjson": read_jsonl,
     ".parquet": read_parquet,
 }
+CSV_SUFFIXES = (".csv", ".tsv")
+SEPARATOR = "|"  # of several addresses in one cell of CSV
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +51,9 @@ class Manifest:
 def open_manifest(address: str | Path) -> Manifest:
     """Open a manifest with the columns `before`, `after` and, if wanted, `id`.
 
+    A side may have several photos of the place, the first of which gives the frame of the results:
+    a list in JSONL and Parquet; separated by | in CSV, unless a file is really called so.
+
     Args:
         address: A path or any address that fsspec opens, ending in `.csv`, `.tsv`, `.jsonl`,
             `.ndjson` or `.parquet`. CSV is UTF-8 with a header, separated by commas, semicolons,
@@ -65,8 +71,7 @@ def open_manifest(address: str | Path) -> Manifest:
             "columns before and after, or two folders"
         )
         raise DatasetError(message)
-    read = READERS[suffix]
-    manifest = Manifest(base=_parent(text), rows=lambda: _rows(text, read))
+    manifest = Manifest(base=_parent(text), rows=lambda: _rows(text, suffix))
     with closing(manifest.rows()) as rows:
         next(rows, None)  # the header is checked here, before anything slow
     return manifest
@@ -97,9 +102,34 @@ def open_folders(before: str | Path, after: str | Path) -> Manifest:
     )
 
 
-def _rows(address: str, read: Callable[[BinaryIO], Iterable[Row]]) -> Generator[Row]:
+def _rows(address: str, suffix: str) -> Generator[Row]:
+    base = _parent(address)
     with _own_errors(address), _open(address) as file:
-        yield from read(file)
+        for row in READERS[suffix](file):
+            yield split_sides(row, base=base) if suffix in CSV_SUFFIXES else row
+
+
+def split_sides(row: Row, *, base: str) -> Row:
+    """Split the cells of a row of CSV that hold several addresses."""
+    (before, *also_before), (after, *also_after) = (
+        _split(cell, base=base) for cell in (row.before, row.after)
+    )
+    return replace(
+        row,
+        before=before,
+        after=after,
+        also_before=tuple(filter(None, also_before)),
+        also_after=tuple(filter(None, also_after)),
+    )
+
+
+def _split(cell: str | None, *, base: str) -> list[str | None]:
+    if cell is None or SEPARATOR not in cell:
+        return [cell]
+    address = resolve(cell, base=base)
+    if not is_remote(address) and os.path.lexists(existing_spelling(address)):
+        return [cell]
+    return [part for part in map(str.strip, cell.split(SEPARATOR)) if part] or [cell]
 
 
 @contextmanager

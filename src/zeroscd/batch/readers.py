@@ -150,10 +150,23 @@ def _check_columns(names: Sequence[str], where: str) -> None:
 
 
 def _row(values: Mapping[str, Any]) -> Row:
-    before, after, id_ = (_text(values.get(column)) for column in COLUMNS)
-    missing = [column for column, text in zip(NEEDED, (before, after), strict=True) if not text]
-    error = f"the manifest says no {' and no '.join(missing)}" if missing else None
-    return Row(before=before, after=after, id=id_, error=error)
+    sides = {column: _texts(values.get(column)) for column in NEEDED}
+    missing = [column for column, texts in sides.items() if not texts]
+    (before, *also_before), (after, *also_after) = (texts or [None] for texts in sides.values())
+    return Row(
+        before=before,
+        after=after,
+        id=_text(values.get("id")),
+        error=f"the manifest says no {' and no '.join(missing)}" if missing else None,
+        also_before=tuple(also_before),
+        also_after=tuple(also_after),
+    )
+
+
+def _texts(value: object) -> list[str]:
+    """Return a cell, or the members of a list, as texts without the empty ones."""
+    members = value if isinstance(value, list) else [value]
+    return [text for text in map(_text, members) if text is not None]
 
 
 def _text(value: object) -> str | None:

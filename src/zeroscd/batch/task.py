@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+# Key in an outcome's columns: numbers, on their sides, of the photos in whose frames it is. There
+# only where they are not the first ones.
+FIRST = "first"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
@@ -18,12 +22,16 @@ class Row:
         after: Address of the t1 photo.
         id: The user's name for the pair, if any.
         error: Why this row cannot be compared, if so.
+        also_before: Addresses of further old photos of the place.
+        also_after: Addresses of further new photos of the place.
     """
 
     before: str | None = None
     after: str | None = None
     id: str | None = None
     error: str | None = None
+    also_before: tuple[str, ...] = ()
+    also_after: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +44,9 @@ class Task:
         before: Address of the t0 photo.
         after: Address of the t1 photo.
         known: Key of the comparison that an earlier run finished, if one did.
-        paths: The addresses as the pair's own files hold them; None = as they are.
+        also_before: Addresses of further old photos of the place.
+        also_after: Addresses of further new photos of the place.
+        paths: `addresses` as the pair's own files hold them; None = as they are.
     """
 
     row: int
@@ -44,7 +54,14 @@ class Task:
     before: str
     after: str
     known: str | None = None
-    paths: tuple[str, str] | None = None
+    also_before: tuple[str, ...] = ()
+    also_after: tuple[str, ...] = ()
+    paths: tuple[str, ...] | None = None
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses of all photos, those before first."""
+        return (self.before, *self.also_before, self.after, *self.also_after)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

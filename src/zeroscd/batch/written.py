@@ -63,21 +63,25 @@ class WrittenPaths:
     def in_task(self, task: Task) -> Task:
         """Return a task with the paths as the files in its pair's folder hold them."""
         own = self.folder / task.name
-        before, after = (
-            written(address, folder=own, absolutely=self.absolutely)
-            for address in (task.before, task.after)
+        paths = (
+            written(address, folder=own, absolutely=self.absolutely) for address in task.addresses
         )
-        return replace(task, paths=(before, after))
+        return replace(task, paths=tuple(paths))
 
     def in_row(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """Return a row of `pairs.parquet` with the paths as that file holds them."""
         paths = {
-            column: written(
-                resolve(row[column], base=self.base),
-                folder=self.folder,
-                absolutely=self.absolutely,
-            )
+            column: self._in_table(row[column])
             for column in ("before", "after")
             if row[column] is not None
         }
-        return {**row, **paths}
+        further = {
+            column: [self._in_table(address) for address in row[column]]
+            for column in ("also_before", "also_after")
+        }
+        return {**row, **paths, **further}
+
+    def _in_table(self, address: str) -> str:
+        return written(
+            resolve(address, base=self.base), folder=self.folder, absolutely=self.absolutely
+        )

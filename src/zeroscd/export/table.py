@@ -22,14 +22,19 @@ if TYPE_CHECKING:
 
 # Rows held in memory while writing: regions carry outlines, 10 kB each as Python objects.
 ROW_GROUP = 1_000
+FURTHER = ("also_before", "also_after")
 NO_NOTES = (Exif(), Exif())
 
 
-def changes_schema() -> pa.Schema:
+def changes_schema(*, views: bool = False) -> pa.Schema:
     """Return the columns of `changes.parquet`, named as in `changes.json`.
 
     `pair` names the row of `pairs.parquet`; `rle` holds COCO run lengths of a `height` x `width`
     mask; `latitude` and `longitude` are the camera's, not the object's.
+
+    Args:
+        views: Whether there are several photos on a side of a pair: how many of the views show a
+            change then counts.
     """
     import pyarrow as pa  # noqa: PLC0415 - half a second; `zeroscd detect` does not need it
 
@@ -45,6 +50,7 @@ def changes_schema() -> pa.Schema:
             "frame": pa.string(),
             "support": pa.float64(),
             "at_border": pa.bool_(),
+            **({"seen_by": pa.int32(), "agreed_by": pa.int32()} if views else {}),
             "height": pa.int32(),
             "width": pa.int32(),
             "rle": pa.string(),
@@ -54,8 +60,12 @@ def changes_schema() -> pa.Schema:
     )
 
 
-def pairs_schema() -> pa.Schema:
-    """Return the columns of `pairs.parquet`; only `seconds` differs between two equal runs."""
+def pairs_schema(*, views: bool = False) -> pa.Schema:
+    """Return the columns of `pairs.parquet`; only `seconds` differs between two equal runs.
+
+    Args:
+        views: Whether there are several photos on a side of a pair.
+    """
     import pyarrow as pa  # noqa: PLC0415 - as above
 
     return pa.schema(
@@ -65,6 +75,7 @@ def pairs_schema() -> pa.Schema:
             "pair": pa.string(),
             "before": pa.string(),
             "after": pa.string(),
+            **({name: pa.list_(pa.string()) for name in FURTHER} if views else {}),
             "status": pa.string(),
             "error": pa.string(),
             "regions": pa.int32(),
@@ -148,6 +159,8 @@ def _change(region: Region, notes: tuple[Exif, ...]) -> dict[str, Any]:
     height, width = rle["size"]
     return {
         "region": number,
+        "seen_by": region.seen_by,
+        "agreed_by": region.agreed_by,
         **values,
         "height": height,
         "width": width,

@@ -161,4 +161,10 @@ def _key(path: str, state: str) -> str | None:
 
 
 def _row(match: PhotoMatch) -> Row:
-    return Row(before=match.old, after=match.new, id=stem(match.new), error=match.reason)
+    return Row(
+        before=match.old,
+        after=match.new,
+        id=stem(match.new),
+        error=match.reason,
+        also_before=match.also_old,
+    )
