@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from zeroscd.batch.journal import FILE, RESERVED, Journal
-from zeroscd.batch.task import Outcome, Row, Task
+from zeroscd.batch.task import FIRST, Outcome, Row, Task
 from zeroscd.errors import OutputError
 
 if TYPE_CHECKING:
@@ -193,3 +193,43 @@ def test_a_journal_that_is_none_says_so(tmp_path: Path) -> None:
     (tmp_path / FILE).write_bytes(b"something else" * 100)
     with pytest.raises(OutputError, match=r"journal\.sqlite: file is not a database; make room"):
         Journal(tmp_path)
+
+
+def test_further_photos_of_a_side_are_kept_and_found_from_the_base(tmp_path: Path) -> None:
+    several = Row(before="b0", after="a0", also_before=("b1", "/b2"), also_after=("a1",))
+    with Journal(tmp_path) as journal:
+        journal.begin([several, *rows("x")])
+        assert journal.has_views()
+        elm, x = tasks(journal, tmp_path)
+        assert elm.addresses == ("base/b0", "base/b1", "/b2", "base/a0", "base/a1")
+        assert (elm.also_before, elm.also_after) == (("base/b1", "/b2"), ("base/a1",))
+        journal.record(done(elm))
+        journal.record(done(x))
+        first, second = journal.pair_rows()
+        assert (first["before"], first["also_before"]) == ("b0", ["b1", "/b2"])
+        assert (first["after"], first["also_after"]) == ("a0", ["a1"])
+        assert (second["also_before"], second["also_after"]) == ([], [])
+        journal.begin(rows("x"))
+        assert not journal.has_views()
+
+
+def test_the_photo_in_whose_frame_a_result_is_stands_first(tmp_path: Path) -> None:
+    with Journal(tmp_path) as journal:
+        journal.begin([Row(before="b0", after="a0", also_before=("b1", "b2"))])
+        (task,) = tasks(journal, tmp_path)
+        outcome = Outcome(row=1, name=task.name, key="k", pair={"regions": 0, FIRST: [2, 0]})
+        journal.record(outcome)
+        (row,) = journal.pair_rows()
+    assert (row["before"], row["also_before"]) == ("b2", ["b0", "b1"])
+    assert (row["after"], row["also_after"]) == ("a0", [])
+    assert FIRST not in row
+
+
+def test_a_further_photo_whose_name_no_database_can_hold_is_a_row_with_an_error(
+    tmp_path: Path,
+) -> None:
+    with Journal(tmp_path) as journal:
+        journal.begin([Row(before="b", after="a", also_after=("caf\udce9.jpg",))])
+        assert journal.remaining() == 0
+        (row,) = journal.pair_rows()
+    assert row["error"] == "caf\\udce9.jpg is not a UTF-8 name; rename it"

@@ -234,3 +234,53 @@ def test_folders_may_be_addresses() -> None:
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"cannot read .*none: No such file"):
         open_folders(tmp_path, tmp_path / "none")
+
+
+SEVERAL = [
+    Row(
+        before="old/1.jpg",
+        after="new/1.jpg",
+        id="elm",
+        also_before=("old/1b.jpg", "old/1c.jpg"),
+        also_after=("new/1b.jpg",),
+    ),
+    Row(before="old/2.jpg", after="new/2.jpg", id="oak"),
+]
+
+
+def test_a_side_of_several_photos_is_split_at_bars_in_csv_and_a_list_elsewhere(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "m.csv").write_text(
+        "before,after,id\n"
+        "old/1.jpg | old/1b.jpg|old/1c.jpg,new/1.jpg|new/1b.jpg|,elm\n"
+        "old/2.jpg,new/2.jpg,oak\n"
+    )
+    lists = [
+        {
+            "before": ["old/1.jpg", "old/1b.jpg", "old/1c.jpg"],
+            "after": ["new/1.jpg", " ", "new/1b.jpg"],
+            "id": "elm",
+        },
+        {"before": ["old/2.jpg"], "after": ["new/2.jpg"], "id": "oak"},
+    ]
+    (tmp_path / "m.jsonl").write_text("\n".join(map(json.dumps, lists)))
+    pq.write_table(pa.Table.from_pylist(lists), tmp_path / "m.parquet")
+    for name in ("m.csv", "m.jsonl", "m.parquet"):
+        assert list(open_manifest(tmp_path / name).rows()) == SEVERAL, name
+
+
+def test_a_file_whose_name_has_a_bar_is_one_photo(tmp_path: Path) -> None:
+    (tmp_path / "old|1.jpg").touch()
+    (tmp_path / "m.csv").write_text("before,after\nold|1.jpg,new|1.jpg\n")
+    (tmp_path / "m.jsonl").write_text('{"before": "old|2.jpg", "after": "new.jpg"}')
+    (row,) = open_manifest(tmp_path / "m.csv").rows()
+    assert row == Row(before="old|1.jpg", after="new", also_after=("1.jpg",))
+    (row,) = open_manifest(tmp_path / "m.jsonl").rows()
+    assert row == Row(before="old|2.jpg", after="new.jpg")
+
+
+def test_a_list_without_photos_is_a_missing_photo(tmp_path: Path) -> None:
+    (tmp_path / "m.jsonl").write_text('{"before": [], "after": ["", "a.jpg"]}')
+    (row,) = open_manifest(tmp_path / "m.jsonl").rows()
+    assert row == Row(after="a.jpg", error="the manifest says no before")

@@ -105,7 +105,7 @@ class Journal:
                         row.after,
                         *further,
                         row.error,
-                        bool(row.error),
+                        row.error is not None,
                     ),
                 )
         return count

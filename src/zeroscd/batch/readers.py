@@ -152,14 +152,14 @@ def _check_columns(names: Sequence[str], where: str) -> None:
 def _row(values: Mapping[str, Any]) -> Row:
     sides = {column: _texts(values.get(column)) for column in NEEDED}
     missing = [column for column, texts in sides.items() if not texts]
-    (before, *also_before), (after, *also_after) = (texts or [None] for texts in sides.values())
+    before, after = sides.values()
     return Row(
-        before=before,
-        after=after,
+        before=next(iter(before), None),
+        after=next(iter(after), None),
         id=_text(values.get("id")),
         error=f"the manifest says no {' and no '.join(missing)}" if missing else None,
-        also_before=tuple(also_before),
-        also_after=tuple(also_after),
+        also_before=tuple(before[1:]),
+        also_after=tuple(after[1:]),
     )
 
 
