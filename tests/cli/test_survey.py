@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
@@ -142,3 +143,42 @@ def test_a_stopped_survey_says_how_to_go_on(
     monkeypatch.setattr("zeroscd.survey.run.match_photo", stop)
     assert run(command) == 130
     assert "warning: stopped; give the same command again to continue in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "count"), [((), 3), (("--views", "2"), 2), (("--views", "1"), 1)]
+)
+def test_as_many_old_photos_of_a_place_are_compared_as_asked_for(
+    given: tuple[str, ...],
+    count: int,
+    command: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with Image.open(tmp_path / "old" / "2.png") as photo:
+        for year in range(2016, 2020):
+            notes = Image.Exif()
+            notes[0x8769] = {0x9003: f"{year}:05:01 10:00:00"}
+            photo.save(tmp_path / "old" / f"2 in {year}.png", exif=notes)
+    assert run(["index", "build", str(tmp_path / "old"), "-o", str(tmp_path / "places")]) == 0
+    assert run([*command, "--min-score", "0.1", "--write", "none", *given]) == 0
+    rows = pq.read_table(tmp_path / "out" / "pairs.parquet").to_pylist()
+    (row,) = [row for row in rows if row["status"] == "ok"]
+    old = [row["before"], *row.get("also_before", ())]
+    assert len(old) == count
+    assert all(path.startswith("../old/2") for path in old)
+    capsys.readouterr()
+    days = ["--old-from", "2017-01-01", "--old-until", "2018-12-31"]
+    assert run([*command, "--min-score", "0.1", "--write", "none", *given, *days]) == 0
+    rows = pq.read_table(tmp_path / "out" / "pairs.parquet").to_pylist()
+    (row,) = [row for row in rows if row["status"] == "ok"]
+    old = [row["before"], *row.get("also_before", ())]
+    assert len(old) == min(count, 2)
+    assert {*old} <= {"../old/2 in 2017.png", "../old/2 in 2018.png"}
+
+
+def test_a_survey_without_views_is_refused(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--views", "0"]) == 2
+    assert "--views" in capsys.readouterr().err

@@ -71,7 +71,7 @@ class Town:
         if gps is not None:
             notes[GPS_FOLDER] = {1: "N", 2: (gps[0], 0.0, 0.0), 3: "E", 4: (gps[1], 0.0, 0.0)}
         if taken is not None:
-            notes.get_ifd(EXIF_FOLDER)[0x9003] = taken
+            notes[EXIF_FOLDER] = {0x9003: taken}
         Image.fromarray(draw_street(seed, changed=changed)).save(path, exif=notes)
         return path
 

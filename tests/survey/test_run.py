@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,16 +12,21 @@ import pytest
 from pycocotools import mask as coco_mask
 
 from zeroscd.batch.journal import SURVEY_FILES
+from zeroscd.detector import Detector
 from zeroscd.errors import DatasetError, OutputError
 from zeroscd.survey import MatchRules, compare, match_photos, survey
 from zeroscd.survey.events.files import GEOPACKAGE
 from zeroscd.survey.events.geopackage import is_available
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
     from typing import Protocol
 
+    from zeroscd.arrays import Rgb
     from zeroscd.batch import Options
+    from zeroscd.encoders.port import PatchEncoder
+    from zeroscd.records import FeatureMap
     from zeroscd.retrieval import PlaceIndex
 
     class Town(Protocol):
@@ -32,6 +37,8 @@ if TYPE_CHECKING:
             *,
             changed: bool = False,
             gps: tuple[float, float] | None = None,
+            name: str | None = None,
+            taken: str | None = None,
         ) -> Path: ...
 
 
@@ -180,3 +187,79 @@ def test_broken_new_photos_are_rows_with_the_reason(
     assert "is empty" in pairs[0]["error"]
     assert "does not exist" in pairs[3]["error"]
     assert summary.matched == 1
+
+
+class CountingEncoder:
+    """Counts the photos that another encoder encodes."""
+
+    def __init__(self, encoder: PatchEncoder) -> None:
+        self.name, self.tau = encoder.name, encoder.tau
+        self.encode_with = encoder.encode
+        self.encoded = 0
+
+    def encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
+        self.encoded += len(photos)
+        return self.encode_with(photos)
+
+
+@pytest.fixture
+def years(town: Town, index: PlaceIndex) -> list[Path]:
+    """Two streets, each with old photos of four years and two new ones."""
+
+    def taken(seed: int, year: int, second: int = 0) -> dict[str, Any]:
+        name = f"{seed} in {year} {second}"
+        return {"name": name, "taken": f"{year}:05:01 10:00:0{second}"}
+
+    streets, days = range(2), range(2016, 2020)
+    index.add([town.photo("old", seed, **taken(seed, year)) for seed in streets for year in days])
+    return [
+        town.photo("new", seed, changed=True, **taken(seed, 2026, second))
+        for seed in streets
+        for second in range(2)
+    ]
+
+
+VIEWS = replace(RULES, views=3)
+
+
+def test_each_photo_is_encoded_once_although_several_pairs_use_it(
+    years: list[Path],
+    index: PlaceIndex,
+    options: Options,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Finding events encodes photos of changes for itself, which is not what is counted here.
+    monkeypatch.setattr("zeroscd.survey.run.find_events", lambda *_: [])
+    detector = options.detector()
+    counting = CountingEncoder(detector.models.encoder)
+    models = replace(detector.models, encoder=counting)
+    counted = replace(options, detector=lambda: Detector(detector.settings, models, preset="toy"))
+    summary = survey(years, index, tmp_path / "out", rules=VIEWS, options=counted)
+    used = {path for match in summary.matches for path in (match.old, *match.also_old)}
+    assert [len(match.also_old) for match in summary.matches] == [2] * len(years)
+    assert counting.encoded == summary.batch.encoded == len(used) + len(years)
+    assert summary.batch.cache_hits == 3 * len(years) - len(used)
+
+
+def test_every_old_photo_of_a_place_has_a_say_and_a_survey_again_writes_the_same(
+    years: list[Path], index: PlaceIndex, options: Options, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    survey(years, index, out, rules=VIEWS, options=options)
+    for pair in pq.read_table(out / "pairs.parquet").to_pylist():
+        old = {pair["before"], *pair["also_before"]}
+        street = pair["pair"].split()[0]
+        assert len(old) == 3
+        assert all(path.startswith(f"../old/{street} in ") for path in old)
+    changes = pq.read_table(out / "changes.parquet").to_pylist()
+    assert {(change["seen_by"], change["agreed_by"]) for change in changes} == {(3, 3)}
+    assert {change["pair"] for change in changes} == {path.stem for path in years}
+
+    names = [name for name in SURVEY_FILES if (out / name).is_file()]
+    before = {name: (out / name).read_bytes() for name in names}
+    summary = survey(years, index, out, rules=VIEWS, options=options)
+    assert summary.batch.reused == len(years)
+    assert {name: (out / name).read_bytes() for name in names} == before
+    fewer = survey(years, index, out, rules=replace(VIEWS, views=2), options=options)
+    assert fewer.batch.reused == 0

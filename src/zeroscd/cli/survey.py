@@ -47,6 +47,14 @@ def survey(
             help="Lowest score of an old photo that counts as of the same place.",
         ),
     ] = None,
+    views: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            metavar="K",
+            help="Old photos of a place at most; what changed is what nearly all of them say.",
+        ),
+    ] = 3,
     old_from: Annotated[
         datetime | None,
         typer.Option(formats=[DAY], metavar="DATE", help="Only old photos taken on or after it."),
@@ -69,7 +77,7 @@ def survey(
     absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
 ) -> None:
-    """Find the old photo of each new one, compare both, and report the changes.
+    """Find the old photos of each new one, compare them, and report the changes.
 
     Writes OUT/report.html, events and changes as tables and GeoJSON, and coco.json. A survey that
     was stopped or killed continues when the same command is given again.
@@ -88,7 +96,8 @@ def survey(
     from zeroscd.survey import MatchRules, compare, match_photos
 
     check_request(preset, overrides, out=out)
-    rules = MatchRules(within_m=within, min_score=_min_score(min_score, least_score), dates=dates)
+    score = _min_score(min_score, least_score)
+    rules = MatchRules(within_m=within, min_score=score, views=views, dates=dates)
     wanted = parse_files(write)
     check_wanted(wanted)
     files = sum(map(list_photos, photos), PhotoFiles())
