@@ -12,13 +12,15 @@ import pytest
 from PIL import Image
 
 from zeroscd.images.read import read_photo
-from zeroscd.records import NotAligned, Region
+from zeroscd.records import FurtherPhoto, NotAligned, Region
 from zeroscd.result import ChangeResult
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
+
+    from zeroscd.records import Frame
 
 
 @dataclass
@@ -34,10 +36,10 @@ class ToyDetector:
         self.requests.append((name, device, dict(overrides or {})))
         return self
 
-    def detect(self, path_t0: Path, path_t1: Path) -> ChangeResult:
+    def detect(self, paths_t0: Sequence[Path], paths_t1: Sequence[Path]) -> ChangeResult:
         if self.failure is not None:
             raise self.failure
-        before, after = read_photo(path_t0), read_photo(path_t1)
+        before, after = read_photo(paths_t0[0]), read_photo(paths_t1[0])
         changed = (before.pixels != after.pixels).any(axis=2)
         rows, columns = np.nonzero(changed)
         nothing = np.zeros_like(changed)
@@ -55,7 +57,15 @@ class ToyDetector:
             alignment=NotAligned(reason="the toy never aligns", inliers=0, matches=0),
             settings=Settings(),
             preset="lite",
+            further_photos=(*_further(paths_t0, "t0"), *_further(paths_t1, "t1")),
         )
+
+
+def _further(paths: Sequence[Path], frame: Frame) -> Iterator[FurtherPhoto]:
+    """Leave out what is called odd."""
+    for path in paths[1:]:
+        left_out = "not aligned: it is odd." if path.stem == "odd" else None
+        yield FurtherPhoto(photo=read_photo(path), frame=frame, left_out=left_out)
 
 
 def _region(columns: np.ndarray, rows: np.ndarray, shape: tuple[int, ...]) -> Region:

@@ -41,6 +41,36 @@ def test_a_comparison_writes_its_files_and_says_where(
     assert json.loads((out / "changes.json").read_text())["before"]["path"] == command[1]
 
 
+def test_further_photos_of_the_place_are_named_with_those_that_are_left_out(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("b", "odd", "c"):
+        (tmp_path / f"{name}.png").write_bytes((tmp_path / "before.png").read_bytes())
+    b, odd, c = (str(tmp_path / f"{name}.png") for name in ("b", "odd", "c"))
+    assert run([*command, "--also-before", b, "--also-after", c, "--also-before", odd]) == 0
+    sentence = (
+        "Further photos of the place: before b.png, after c.png. "
+        "Left out: before odd.png (not aligned: it is odd)."
+    )
+    assert capsys.readouterr().out.splitlines()[1] == sentence
+    assert sentence in (tmp_path / "out" / "report.html").read_text().replace("\xa0", " ")
+    saved = json.loads((tmp_path / "out" / "changes.json").read_text())
+    assert [(one["path"], one["side"], one["left_out"]) for one in saved["further_photos"]] == [
+        (b, "before", None),
+        (odd, "before", "not aligned: it is odd."),
+        (c, "after", None),
+    ]
+    assert [(one["seen_by"], one["agreed_by"]) for one in saved["regions"]] == [(1, 1)]
+
+
+def test_an_unreadable_further_photo_is_refused_before_the_networks_are_loaded(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--also-after", str(tmp_path / "missing.png")]) == 2
+    assert "missing.png does not exist" in capsys.readouterr().err
+    assert toy_detector.requests == []
+
+
 def test_photos_that_were_not_aligned_are_a_warning_on_stderr(
     command: list[str], toy_detector: Toy, capsys: pytest.CaptureFixture[str]
 ) -> None:

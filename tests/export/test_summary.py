@@ -8,7 +8,7 @@ import pytest
 
 from zeroscd.export import summary
 from zeroscd.images.photo import Photo
-from zeroscd.records import Alignment
+from zeroscd.records import Alignment, FurtherPhoto
 
 if TYPE_CHECKING:
     from zeroscd.result import ChangeResult
@@ -88,3 +88,18 @@ def test_a_pair_that_can_hardly_be_judged_is_a_warning(result: ChangeResult) -> 
 def test_a_photo_is_called_by_its_file_name(path: str | None, name: str) -> None:
     photo = Photo(pixels=np.zeros((1, 1, 3), np.uint8), path=path)
     assert summary.photo_name(photo, otherwise="before") == name
+
+
+def test_further_photos_are_named_by_side_and_the_left_out_ones_with_the_reason(
+    result: ChangeResult,
+) -> None:
+    assert summary.further_photos_sentence(result) == ""
+    photo = replace(result.before, path="photos/b.jpg")
+    old = FurtherPhoto(photo=photo, frame="t0")
+    unnamed = FurtherPhoto(photo=replace(photo, path=None), frame="t1", left_out="no match.")
+    with_one = replace(result, further_photos=(old,))
+    assert summary.further_photos_sentence(with_one) == "Further photos of the place: before b.jpg."
+    with_both = replace(result, further_photos=(unnamed, old))
+    assert summary.further_photos_sentence(with_both) == (
+        "Further photos of the place: before b.jpg. Left out: after (no name) (no match)."
+    )

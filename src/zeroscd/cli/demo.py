@@ -16,6 +16,6 @@ def demo(out: OutFolder = Path("zeroscd-demo")) -> None:
     """
     check_request("lite", {}, out=out)
     with as_file(files("zeroscd") / "samples") as samples:
-        pair = samples / "before.jpg", samples / "after.jpg"
+        pair = [samples / "before.jpg"], [samples / "after.jpg"]
         result = compare(*pair, preset="lite", device="auto", overrides={})
     save_and_tell(result, out)

@@ -12,7 +12,7 @@ from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_over
 from zeroscd.output import check_target
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from zeroscd.result import ChangeResult
 
@@ -23,6 +23,14 @@ def detect(
         Path, typer.Argument(metavar="AFTER", help="The later photo (t1) of the same place.")
     ],
     out: OutFolder,
+    also_before: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="PATH", help="Another earlier photo of the place; may be repeated."),
+    ] = None,
+    also_after: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="PATH", help="Another later photo of the place; may be repeated."),
+    ] = None,
     preset: Preset = "lite",
     frame: Annotated[
         Literal["t0", "t1"] | None,
@@ -33,15 +41,17 @@ def detect(
 ) -> None:
     """Find what changed between two photos of the same place.
 
-    Writes masks, an overlay, changes.json and report.html into OUT.
+    Writes masks, an overlay, changes.json and report.html into OUT. With more photos of the place,
+    what changed is what nearly all that see it agree on: not what passed by, or shifts by parallax.
 
-    Example: zeroscd detect before.jpg after.jpg -o changes --set alpha=0.6
+    Example: zeroscd detect before.jpg after.jpg -o changes --also-before earlier.jpg
     """
     overrides: dict[str, object] = {**parse_overrides(settings)}
     if frame is not None:
         overrides["frame"] = frame
     check_request(preset, overrides, out=out)
-    result = compare(before, after, preset=preset, device=device, overrides=overrides)
+    sides = [before, *(also_before or ())], [after, *(also_after or ())]
+    result = compare(*sides, preset=preset, device=device, overrides=overrides)
     save_and_tell(result, out)
 
 
@@ -59,9 +69,21 @@ def check_request(preset: str, overrides: Mapping[str, object], *, out: Path) ->
 
 
 def compare(
-    before: Path, after: Path, *, preset: str, device: str, overrides: Mapping[str, object]
+    before: Sequence[Path],
+    after: Sequence[Path],
+    *,
+    preset: str,
+    device: str,
+    overrides: Mapping[str, object],
 ) -> ChangeResult:
-    """Read both photos, load the networks and find the changes.
+    """Read the photos, load the networks and find the changes.
+
+    Args:
+        before: The earlier photo, and others of the place.
+        after: The later photo, and others.
+        preset: Named settings to start from.
+        device: Where the networks run.
+        overrides: Settings that differ from the preset's.
 
     Raises:
         ImageError: A photo cannot be read.
@@ -70,7 +92,7 @@ def compare(
 
     with busy("reading the photos"):
         # Read twice, but a photo that is no good is refused before the networks are loaded.
-        for path in (before, after):
+        for path in (*before, *after):
             read_photo(path)
     with busy("loading the networks"):
         from zeroscd.detector import Detector
@@ -94,4 +116,6 @@ def save_and_tell(result: ChangeResult, out: Path) -> None:
     for text in summary.warnings(result):
         warn(text)
     say(summary.summary(result))
+    if further := summary.further_photos_sentence(result):
+        say(further)
     say(f"report: {out / REPORT}")

@@ -34,7 +34,11 @@ def render_report(result: Changes) -> str:
         shown=to_viewer(result, view, uris),
         cards=region_cards(result, view),
         thumb_wh=THUMB_WH,
-        alignment=summary.alignment_sentence(result),
+        alignment=" ".join(
+            filter(
+                None, [summary.alignment_sentence(result), summary.further_photos_sentence(result)]
+            )
+        ),
         coverage=summary.coverage_sentence(result),
         preset=result.preset,
         settings=_settings_rows(result),

@@ -11,7 +11,7 @@ from zeroscd.records import Alignment
 
 if TYPE_CHECKING:
     from zeroscd.images.photo import Photo
-    from zeroscd.records import Changes
+    from zeroscd.records import Changes, FurtherPhoto
 
 MOSTLY_UNSEEN = 0.5  # share of pixels out of view above which the report warns
 HARDLY_JUDGED = 0.1  # share of judged pixels below which it warns
@@ -65,6 +65,22 @@ def alignment_sentence(result: Changes) -> str:
         f"In the middle of the picture the view moved by {shift:.0f} px, turned by "
         f"{degrees:.1f}° and scaled by {scale:.2f}."
     )
+
+
+def further_photos_sentence(result: Changes) -> str:
+    """Name the further photos of the place, and why some were left out; empty if there are none."""
+    photos = result.further_photos
+    used = [_side_and_name(one) for one in photos if one.left_out is None]
+    left_out = [
+        f"{_side_and_name(one)} ({one.left_out.rstrip('. ')})" for one in photos if one.left_out
+    ]
+    parts = {"Further photos of the place": used, "Left out": left_out}
+    return " ".join(f"{title}: {', '.join(names)}." for title, names in parts.items() if names)
+
+
+def _side_and_name(further: FurtherPhoto) -> str:
+    side = "before" if further.frame == "t0" else "after"
+    return f"{side} {photo_name(further.photo, otherwise='(no name)')}"
 
 
 def coverage_sentence(result: Changes) -> str:
