@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -84,6 +85,21 @@ def test_only_old_photos_of_the_days_asked_for_are_compared(
     )
 
 
+def test_reviewed_events_that_are_gone_are_counted_and_the_first_is_named(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gone = {
+        "kind": "added", "best_pair": "elm", "best_region": 3, "score": 0.5,
+        "regions": [{"pair": "elm", "region": 3}], "review": "rejected",
+    }  # fmt: skip
+    (tmp_path / "reviewed.json").write_text(json.dumps({"events": [gone] * 2}))
+    extra = ["--min-score", "0.1", "--write", "none", "--reviewed"]
+    assert run([*command, *extra, str(tmp_path / "reviewed.json")]) == 0
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "warning: 2 reviewed events are not among these events; the first: added, region 3 of elm"
+    )
+
+
 def test_a_survey_that_compared_nothing_is_no_success(
     command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -109,6 +125,7 @@ def test_a_survey_that_compared_nothing_is_no_success(
             "error: no day is from 2020-01-02 until 2020-01-01; exchange --old-from and",
         ),
         (["--preset", "huge"], "error: unknown preset 'huge'"),
+        (["--reviewed", "none.json"], "error: cannot read none.json: No such file"),
     ],
 )
 def test_what_cannot_work_is_refused_before_anything_is_done(

@@ -15,7 +15,7 @@ from zeroscd.detector import Detector
 from zeroscd.models import Models
 from zeroscd.retrieval import PlaceIndex
 from zeroscd.settings import Settings
-from zeroscd.survey.compared_pairs import ComparedPair
+from zeroscd.survey.events import Event
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -140,17 +140,32 @@ def pair() -> Callable[..., dict[str, Any]]:
     return make_pair
 
 
+def make_event(number: int = 1, **values: Any) -> Event:
+    """An event of one region of the pair "elm"."""
+    pair, region = values.get("best_pair", "elm"), values.get("best_region", 1)
+    return Event(
+        **{
+            "id": number,
+            "kind": "added",
+            "score": 0.5,
+            "sightings": 1,
+            "views": 1,
+            "best_pair": pair,
+            "best_region": region,
+            "best_photo": "new/elm.jpg",
+            "photos": ("new/elm.jpg",),
+            "regions": ((pair, region),),
+            "first_seen": None,
+            "last_seen": None,
+            "longitude": 0.0,
+            "latitude": 52.0,
+            "position": "camera",
+            "uncertainty_m": 30.0,
+            **values,
+        }
+    )
+
+
 @pytest.fixture(scope="session")
-def compared_pair() -> Callable[..., ComparedPair]:
-    """A pair of a name and place, with one change of a score."""
-
-    def make(
-        name: str, *, at: tuple[float, float] | None = (52.0, 0.0), score: float = 0.5
-    ) -> ComparedPair:
-        latitude, longitude = at or (None, None)
-        return ComparedPair(
-            make_pair(pair=name, latitude=latitude, longitude=longitude),
-            (make_change(pair=name, score=score),),
-        )
-
-    return make
+def event() -> Callable[..., Event]:
+    return make_event

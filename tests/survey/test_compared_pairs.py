@@ -2,15 +2,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import pytest
-
 from zeroscd.export.table import changes_schema, pairs_schema, write_parquet
 from zeroscd.survey import compared_pairs as module
-from zeroscd.survey.compared_pairs import ComparedPair, read_compared_pairs, read_failures
+from zeroscd.survey.compared_pairs import read_compared_pairs, read_failures
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    import pytest
 
 Rows = list[dict[str, Any]]
 
@@ -41,14 +41,3 @@ def test_every_change_comes_with_its_pair(
     assert [one.name for one in found] == ["a", "b", "c", "e"]
     assert [[c["region"] for c in one.changes] for one in found] == [[1, 2], [], [1, 2, 3], [1]]
     assert [row["error"] for row in read_failures(tmp_path)] == ["broken"]
-
-
-def test_severity_is_the_changed_share_weighted_by_score(
-    pair: Callable[..., Any], change: Callable[..., Any]
-) -> None:
-    changes = (
-        change(score=0.5, area_px=1000, height=100, width=200),
-        change(score=1.0, area_px=100, height=10, width=100),
-    )
-    assert ComparedPair(pair(), changes).severity == pytest.approx(0.5 * 0.05 + 1.0 * 0.1)
-    assert ComparedPair(pair(), ()).severity == 0

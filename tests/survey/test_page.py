@@ -1,22 +1,27 @@
 from __future__ import annotations
 
+import json
 import re
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pytest
+
 from zeroscd.survey import page as module
-from zeroscd.survey.compared_pairs import ComparedPair
+from zeroscd.survey.cards import Card, PairOfEvent, PhotoOfPair
+from zeroscd.survey.events.files import event_feature
 from zeroscd.survey.matching import PhotoMatch
-from zeroscd.survey.page import Content, render_page
+from zeroscd.survey.page import Content, digest_events, render_page
 from zeroscd.survey.thumbs import Thumb
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import pytest
+    from zeroscd.survey.events import Event
 
-THUMBS = (Thumb("thumbs/x-before.jpg", (100, 200)), Thumb(None, (3, 4)))
-SIGHTING = PhotoMatch(new="new/elm.jpg", old="old/elm.jpg", score=0.3, inliers=321, metres=4.4)
+SQUARE = np.array([[10.0, 10.0], [20, 10], [20, 20], [10, 20]])
+MATCH = PhotoMatch(new="new/elm.jpg", old="old/elm.jpg", score=0.3, inliers=321, metres=4.4)
 
 
 class Reader(HTMLParser):
@@ -42,92 +47,180 @@ class Reader(HTMLParser):
         ]
 
 
+@pytest.fixture
+def card(pair: Callable[..., Any], event: Callable[..., Event]) -> Callable[..., Card]:
+    """A card with the photo before, which is carried to, and the photo after, which has gone."""
+
+    def make(
+        number: int = 1, *, pairs: int = 1, sightings: int = 0, row: Any = None, **values: Any
+    ) -> Card:
+        rows = [pair(pair=f"{name}", **(row or {})) for name in ["elm", "oak", "fir"][:pairs]]
+        shown = [
+            PairOfEvent(
+                pair=one,
+                photos=(
+                    PhotoOfPair(
+                        when="before",
+                        address=one["before"],
+                        taken=one["taken_before"],
+                        thumb=Thumb("thumbs/x-before.jpg", (100, 200)),
+                        rings_xy=[SQUARE],
+                        carried=True,
+                    ),
+                    PhotoOfPair(
+                        when="after",
+                        address=one["after"],
+                        taken=one["taken_after"],
+                        thumb=Thumb(None, (3, 4)),
+                        rings_xy=[SQUARE],
+                        carried=False,
+                    ),
+                ),
+                report=f"{one['pair']}/report.html",
+            )
+            for one in rows
+        ]
+        return Card(event(number, sightings=sightings or pairs, **values), tuple(shown))
+
+    return make
+
+
 def content(
-    *cards: ComparedPair, failures: tuple[dict[str, str], ...] = (), everything: int = 5
+    *cards: Card, failures: tuple[dict[str, str], ...] = (), everything: int | None = None
 ) -> Content:
     return Content(
         cards=cards,
-        thumbs={card.name: THUMBS for card in cards},
-        matches=[SIGHTING, PhotoMatch(new="b.jpg", reason="none")],
+        matches=[MATCH, PhotoMatch(new="b.jpg", reason="none")],
         failures=failures,
-        reports=frozenset({"elm"}),
-        everything=everything,
+        compared=5,
+        everything=len(cards) if everything is None else everything,
     )
 
 
-def test_a_place_shows_both_photos_its_outlines_and_how_it_was_found(
-    pair: Callable[..., Any], change: Callable[..., Any]
+def test_an_event_shows_both_photos_its_outline_and_how_it_was_found(
+    card: Callable[..., Card],
 ) -> None:
-    removed = change(kind="removed", frame="t0", region=2, score=0.25)
-    read = Reader(render_page(content(ComparedPair(pair(), (change(), removed)))))
-    (card,) = read.all("li")
-    assert card["data-score"] == "0.5000"
-    assert {one["data-kind"]: one["data-score"] for one in read.all("g") if "data-kind" in one} == {
-        "added": "0.5000",
-        "removed": "0.2500",
-    }
+    read = Reader(render_page(content(card())))
+    (shown,) = [one for one in read.all("li") if "data-id" in one]
+    assert (shown["data-kind"], shown["data-score"], shown["id"]) == ("added", "0.5", "event-1")
     (image,) = read.all("img")
     assert (image["src"], image["loading"]) == ("thumbs/x-before.jpg", "lazy")
     assert image["alt"] == "before: old/elm.jpg"
-    assert [one["href"] for one in read.all("a") if "html" in str(one["href"])] == [
+    assert [one["href"] for one in read.all("a") if "report.html" in str(one["href"])] == [
         "elm/report.html"
     ]
     for words in (
-        "1 removed",
-        "1 added",
+        "1 of 1 event",
+        "after: new/elm.jpg",
         "recognised by 321 patches",
         "taken 4 m apart",
         "2019-05-01",
+        "52.000000, 0.000000 ± 30 m (the camera)",
+        "2 new photos, 5 compared",
     ):
         assert words in read.text
-    assert "1 place changed of 5 compared" in read.text
+    assert not read.all("details")
 
 
-def test_an_outline_of_a_removed_thing_lies_on_the_photo_before(
-    pair: Callable[..., Any], change: Callable[..., Any]
-) -> None:
-    text = render_page(content(ComparedPair(pair(), (change(kind="removed", frame="t0"),))))
-    before, after = re.findall(r'<svg class="shapes".*?</svg>', text)
-    assert 'data-kind="removed"' in before
+def test_an_outline_that_was_carried_looks_different(card: Callable[..., Card]) -> None:
+    text = render_page(content(card()))
+    (before,) = re.findall(r'<svg class="shapes".*?</svg>', text, re.DOTALL)
+    assert '<g class="added carried">' in before
     assert 'd="M10.0,10.0 20.0,10.0 20.0,20.0 10.0,20.0Z"' in before
-    assert "data-kind" not in after
 
 
-def test_the_page_loads_nothing_from_anywhere_else(
-    pair: Callable[..., Any], change: Callable[..., Any]
-) -> None:
-    text = render_page(content(ComparedPair(pair(), (change(),))))
+def test_other_sightings_are_folded(card: Callable[..., Card]) -> None:
+    text = render_page(content(card(pairs=3, views=7)))
+    folded = text.partition("<details>")[2].partition("</details>")[0]
+    assert "Other sightings (2)" in folded
+    assert folded.count("<img") == 2
+    assert "elm/report.html" not in folded
+    assert "3 sightings, 7 views" in Reader(text).text
+    more = render_page(content(card(pairs=3, sightings=9)))
+    assert "Other sightings (8, 2 shown)" in Reader(more).text
+
+
+def test_the_place_opens_in_openstreetmap(card: Callable[..., Card]) -> None:
+    there = card(latitude=-33.9, longitude=18.4000004, position="bearings", uncertainty_m=4.4)
+    read = Reader(render_page(content(there)))
+    (link,) = [one for one in read.all("a") if "openstreetmap" in str(one["href"])]
+    assert link["href"] == (
+        "https://www.openstreetmap.org/?mlat=-33.900000&mlon=18.400000#map=19/-33.900000/18.400000"
+    )
+    assert link["rel"] == "noopener noreferrer"
+    assert "± 4 m (where bearings cross)" in read.text
+    nowhere = card(latitude=None, longitude=None, position=None, uncertainty_m=None)
+    read = Reader(render_page(content(nowhere)))
+    assert "no photo says where" in read.text
+    assert "so there is no map" in read.text
+
+
+def test_the_page_loads_nothing_from_anywhere_else(card: Callable[..., Card]) -> None:
+    text = render_page(content(card()))
     read = Reader(text)
-    addresses = [
-        value for _, found in read.tags for key, value in found.items() if key in ("src", "href")
-    ]
-    assert addresses
-    assert not [one for one in addresses if one is None or "//" in one]
+    loaded = [found["src"] for _, found in read.tags if "src" in found]
+    loaded += [found["href"] for found in read.all("link")]
+    assert loaded == ["thumbs/x-before.jpg", "data:,"]
     assert "url(" not in text
     assert "@import" not in text
     (policy,) = read.all("meta", **{"http-equiv": "Content-Security-Policy"})
     assert str(policy["content"]).startswith("default-src 'none'; img-src 'self' data:;")
 
 
-def test_names_of_files_cannot_become_markup(
-    pair: Callable[..., Any], change: Callable[..., Any]
-) -> None:
-    evil = '<img src=x onerror=alert(1)>"&#'
-    row = pair(pair=evil, before=evil, after=evil, taken_after=evil)
+def test_names_of_files_cannot_become_markup(card: Callable[..., Card]) -> None:
+    evil = """'<img src=x onerror=alert(1)>"&#</script><!--"""
+    row = {"before": evil, "after": evil, "taken_after": evil}
     failed = ({"after": evil, "id": evil, "error": evil},)
-    read = Reader(render_page(content(ComparedPair(row, (change(),)), failures=failed)))
+    found = card(row=row, best_pair=evil, best_photo=evil, photos=(evil,))
+    read = Reader(render_page(content(found, failures=failed)))
     assert not [found for _, found in read.tags if "onerror" in found]
-    assert read.all("li")[0]["data-name"] == evil
+    assert read.all("li", id="event-1")[0]["data-name"] == evil
+    assert features_of(read)[0]["properties"]["best_photo"] == evil
 
 
-def test_a_dot_on_the_map_leads_to_its_card(
-    pair: Callable[..., Any], change: Callable[..., Any]
+def test_what_is_exported_is_what_the_file_of_events_has(card: Callable[..., Card]) -> None:
+    found = card(review="unsure", regions=(("elm", 1), ("oak", 2)), score=0.1 + 0.2)
+    read = Reader(render_page(content(found)))
+    assert features_of(read) == [json.loads(json.dumps(event_feature(found.event)))]
+
+
+def features_of(read: Reader) -> list[dict[str, Any]]:
+    (cards,) = read.all("ol", id="cards")
+    return list(json.loads(str(cards["data-features"])))
+
+
+def test_the_survey_is_told_apart_by_what_it_found_not_by_reviews(
+    event: Callable[..., Event],
 ) -> None:
-    read = Reader(render_page(content(ComparedPair(pair(), (change(),)))))
-    (dot,) = [one for one in read.all("a") if "data-place" in one]
-    assert dot["href"] == f"#{read.all('li')[0]['id']}"
-    assert [one["cx"] for one in read.all("circle")] == ["500.0"]
-    assert "1: elm" in read.text
+    found = [event(1), event(2, kind="removed")]
+    reviewed = [event(1, review="accepted"), event(2, kind="removed", review="rejected")]
+    assert digest_events(found) == digest_events(reviewed)
+    assert digest_events(found) != digest_events([event(1, score=0.6), found[1]])
+    assert digest_events(found) != digest_events(found[:1])
+
+
+def test_headline_numbers_count_kinds_sightings_and_reviews(card: Callable[..., Card]) -> None:
+    cards = [
+        card(1, pairs=3, review="accepted"),
+        card(2, kind="removed", review="rejected"),
+        card(3, kind="removed"),
+    ]
+    text = render_page(content(*cards, everything=9))
+    figures = dict(re.findall(r'data-figure="(\w+)">(\d+)<', text))
+    assert figures == {
+        "added": "1", "removed": "2", "sightings": "5",
+        "accepted": "1", "rejected": "1", "unsure": "0", "open": "1",
+    }  # fmt: skip
+    assert "3 of the most certain 3 events (9 in events.parquet)" in Reader(text).text
+
+
+def test_a_point_on_the_map_leads_to_its_card(card: Callable[..., Card]) -> None:
+    read = Reader(render_page(content(card(latitude=None, longitude=None), card(7))))
+    (point,) = [one for one in read.all("a") if "data-point" in one]
+    assert point["href"] == "#event-7"
+    assert read.all("li", id="event-7")
+    assert [one["cx"] for one in read.all("circle")] == ["400.0", "400.0"]
+    assert "Without a position: 1." in read.text
 
 
 def test_photos_without_a_match_are_listed_with_the_reason() -> None:
@@ -147,12 +240,3 @@ def test_a_long_list_says_how_many_it_leaves_out(monkeypatch: pytest.MonkeyPatch
     assert "1.jpg" in text
     assert "2.jpg" not in text
     assert "And 3 more; see pairs.parquet." in text
-
-
-def test_places_where_nothing_changed_are_counted_and_not_shown(
-    pair: Callable[..., Any], change: Callable[..., Any]
-) -> None:
-    quiet = ComparedPair(pair(pair="oak"), ())
-    read = Reader(render_page(content(ComparedPair(pair(), (change(),)), quiet)))
-    assert len(read.all("li")) == 1
-    assert "oak" not in read.text

@@ -14,8 +14,10 @@ from pycocotools import mask as coco_mask
 from zeroscd.batch.journal import SURVEY_FILES
 from zeroscd.detector import Detector
 from zeroscd.errors import DatasetError, OutputError
-from zeroscd.survey import MatchRules, compare, match_photos, survey
-from zeroscd.survey.events.files import GEOPACKAGE
+from zeroscd.export.geojson import geojson
+from zeroscd.survey import MatchRules, compare, match_photos, read_reviews, survey
+from zeroscd.survey.events import read_events
+from zeroscd.survey.events.files import GEOPACKAGE, event_feature
 from zeroscd.survey.events.geopackage import is_available
 
 if TYPE_CHECKING:
@@ -91,7 +93,8 @@ def test_a_survey_finds_compares_and_reports(
     assert (drawn & truth).sum() / (drawn | truth).sum() > 0.6
 
     page = (out / "report.html").read_text()
-    assert "1 place changed of 2 compared" in page
+    assert f'<span id="shown">{len(summary.events)}</span> of {len(summary.events)} event' in page
+    assert "3 new photos, 2 compared" in page
     assert 'href="street%201/report.html"' in page
     assert 'src="thumbs/street%201-before.jpg"' in page
     assert (out / "thumbs" / "street 1-before.jpg").exists()
@@ -150,6 +153,27 @@ def test_a_survey_again_computes_nothing_and_writes_the_same(
     summary = compare(matches, out, options=options)
     assert summary.batch.reused == 2
     assert {name: (out / name).read_bytes() for name in names} == before
+
+
+def test_reviews_of_an_earlier_run_come_back_and_change_nothing_else(
+    photos: list[Path], index: PlaceIndex, options: Options, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    matches = match_photos(photos, index, out, rules=RULES)
+    found = compare(matches, out, options=options).events
+    assert {event.review for event in found} == {None}
+    said = replace(found[0], review="rejected")
+    gone = replace(found[0], kind="removed", regions=(("nowhere", 1),), review="accepted")
+    export = tmp_path / "reviewed.geojson"
+    export.write_text(json.dumps(geojson(map(event_feature, [said, gone]))))
+    reviewed = read_reviews(export)
+    summary = compare(matches, out, options=options, reviewed=reviewed)
+    assert summary.events == (said, *found[1:])
+    assert summary.unmatched_reviews == reviewed[1:]
+    assert read_events(out) == [said, *found[1:]]
+    assert '<span data-figure="rejected">1</span>' in (out / "report.html").read_text()
+    compare(matches, out, options=options)
+    assert read_events(out) == list(found)
 
 
 def test_another_index_or_rule_is_looked_up_anew(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from datetime import datetime  # noqa: TC003 - typer reads the annotations
 from functools import partial
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
@@ -23,6 +24,7 @@ from zeroscd.cli.options import (
     parse_overrides,
 )
 from zeroscd.renamed import warn_renamed
+from zeroscd.text import one_line
 
 if TYPE_CHECKING:
     from zeroscd.retrieval import DateSpan
@@ -64,6 +66,10 @@ def survey(
         typer.Option(formats=[DAY], metavar="DATE", help="Only old photos taken on or before it."),
     ] = None,
     least_score: Annotated[float | None, typer.Option(min=0, max=1, hidden=True)] = None,
+    reviewed: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="What the report of an earlier run exported."),
+    ] = None,
     write: Annotated[str, typer.Option(help=WRITE_HELP)] = "json,report",
     preset: Preset = "lite",
     settings: Overrides = None,
@@ -93,12 +99,12 @@ def survey(
     from zeroscd.export.files import check_wanted
     from zeroscd.images.folder import PhotoFiles, list_photos
     from zeroscd.retrieval import PlaceIndex
-    from zeroscd.survey import MatchRules, compare, match_photos
+    from zeroscd.survey import MatchRules, compare, match_photos, read_reviews
 
     check_request(preset, overrides, out=out)
     score = _min_score(min_score, least_score)
     rules = MatchRules(within_m=within, min_score=score, views=views, dates=dates)
-    wanted = parse_files(write)
+    wanted, reviews = parse_files(write), read_reviews(reviewed) if reviewed else ()
     check_wanted(wanted)
     files = sum(map(list_photos, photos), PhotoFiles())
     warn_unread(files.unread)
@@ -115,7 +121,9 @@ def survey(
             matches = match_photos(files.photos, index, out, rules=rules, progress=bar)
         with Bar("comparing") as bar:
             engine = Local(workers=workers)
-            summary = compare(matches, out, options=options, engine=engine, progress=bar)
+            summary = compare(
+                matches, out, options=options, engine=engine, progress=bar, reviewed=reviews
+            )
     except KeyboardInterrupt:
         warn(f"stopped; give the same command again to continue in {out}")
         raise
@@ -160,6 +168,21 @@ def tell(summary: Summary) -> None:
     say(f"{summary.batch.regions} changed regions")
     sightings = sum(event.sightings for event in summary.events)
     say(f"{len(summary.events)} events ({sightings} sightings)")
+    _tell_reviews(summary)
     if not is_available():
         warn(f"events.gpkg is left out: it needs pyogrio; {HINT}")
     say(f"report: {summary.report}")
+
+
+def _tell_reviews(summary: Summary) -> None:
+    counts = Counter(event.review for event in summary.events if event.review)
+    if counts:
+        told = ", ".join(f"{counts[review]} {review}" for review in sorted(counts))
+        say(f"reviewed: {told}")
+    lost = summary.unmatched_reviews
+    if lost:
+        pair, region = lost[0].best
+        warn(
+            f"{len(lost)} reviewed events are not among these events; the first: "
+            f"{lost[0].kind}, region {region} of {one_line(pair)}"
+        )

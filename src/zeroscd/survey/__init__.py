@@ -10,9 +10,19 @@ from typing import TYPE_CHECKING
 
 from zeroscd.renamed import moved_names
 from zeroscd.survey.matching import MatchRules, PhotoMatch
+from zeroscd.survey.review import ReviewedEvent, read_reviews
 from zeroscd.survey.run import Summary, compare, match_photos, survey
 
-__all__ = ["MatchRules", "PhotoMatch", "Summary", "compare", "match_photos", "survey"]
+__all__ = [
+    "MatchRules",
+    "PhotoMatch",
+    "ReviewedEvent",
+    "Summary",
+    "compare",
+    "match_photos",
+    "read_reviews",
+    "survey",
+]
 
 if not TYPE_CHECKING:  # or mypy would believe that every name exists
     __getattr__ = moved_names(

@@ -31,16 +31,6 @@ class ComparedPair:
         """Name of the pair, and of its folder."""
         return str(self.pair["pair"])
 
-    @property
-    def severity(self) -> float:
-        """Sum of the changes' shares of their photos' area, weighted by their scores."""
-        return sum(
-            float(change["score"])
-            * int(change["area_px"])
-            / (int(change["height"]) * int(change["width"]))
-            for change in self.changes
-        )
-
 
 def read_compared_pairs(folder: Path) -> Iterator[ComparedPair]:
     """Yield the compared pairs of a batch, in the manifest's order, few in memory at a time."""

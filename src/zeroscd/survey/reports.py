@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from heapq import nlargest
 from typing import TYPE_CHECKING
 
 from zeroscd.export.coco import MarkedPhoto, coco
@@ -11,9 +10,9 @@ from zeroscd.export.files import REPORT
 from zeroscd.export.geojson import feature, geojson_lines
 from zeroscd.output import replacing, writing
 from zeroscd.records import Region
+from zeroscd.survey.cards import make_cards
 from zeroscd.survey.compared_pairs import read_compared_pairs, read_failures
 from zeroscd.survey.page import MAX_CARDS, Content, render_page
-from zeroscd.survey.thumbs import draw_thumbs
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,17 +20,19 @@ if TYPE_CHECKING:
     from typing import Any
 
     from zeroscd.survey.compared_pairs import ComparedPair
+    from zeroscd.survey.events import Event
     from zeroscd.survey.matching import PhotoMatch
 
 GEOJSON, COCO = "changes.geojson", "coco.json"
 
 
-def write_reports(folder: Path, matches: Sequence[PhotoMatch]) -> Path:
+def write_reports(folder: Path, matches: Sequence[PhotoMatch], events: Sequence[Event]) -> Path:
     """Write GeoJSON, COCO, thumbnails and the page beside a batch's tables; return the page's path.
 
     Args:
         folder: Holds `pairs.parquet` and `changes.parquet`.
         matches: In the order of the batch's manifest.
+        events: The most certain first.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -39,15 +40,12 @@ def write_reports(folder: Path, matches: Sequence[PhotoMatch]) -> Path:
     with writing(folder):
         _write(folder / GEOJSON, geojson_lines(_features(folder)))
         _write(folder / COCO, _coco_text(folder))
-        worst = nlargest(MAX_CARDS, read_compared_pairs(folder), key=lambda pair: pair.severity)
-        thumbs = draw_thumbs(worst, folder)
         content = Content(
-            cards=worst,
-            thumbs=thumbs,
+            cards=make_cards(events[:MAX_CARDS], folder),
             matches=matches,
             failures=tuple(read_failures(folder)),
-            reports=frozenset(p.name for p in worst if (folder / p.name / REPORT).exists()),
-            everything=sum(1 for _ in read_compared_pairs(folder)),
+            compared=sum(1 for _ in read_compared_pairs(folder)),
+            everything=len(events),
         )
         _write(folder / REPORT, [render_page(content).encode("utf-8", "replace")])
     return folder / REPORT

@@ -20,6 +20,7 @@ from zeroscd.survey.events import find_events, write_events
 from zeroscd.survey.match_ledger import MatchLedger
 from zeroscd.survey.matching import MatchRules, PhotoMatch, match_photo
 from zeroscd.survey.reports import write_reports
+from zeroscd.survey.review import ReviewedEvent, carry_reviews
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,12 +40,14 @@ class Summary:
         matches: One for each new photo, in their order.
         batch: Summary of the comparison.
         events: What was added or removed, each thing once, the most certain first.
+        unmatched_reviews: Reviewed events of an earlier run that are none of these.
         report: Path of the page.
     """
 
     matches: tuple[PhotoMatch, ...] = field(repr=False)
     batch: batch.Summary
     events: tuple[Event, ...] = field(default=(), repr=False)
+    unmatched_reviews: tuple[ReviewedEvent, ...] = field(default=(), repr=False)
     report: Path
 
     @property
@@ -124,13 +127,14 @@ def match_photos(
     return matches
 
 
-def compare(
+def compare(  # noqa: PLR0913 - what a survey is made of, each by its name
     matches: Sequence[PhotoMatch],
     out: str | Path,
     *,
     options: batch.Options | None = None,
     engine: Engine | None = None,
     progress: Progress | None = None,
+    reviewed: Sequence[ReviewedEvent] = (),
 ) -> Summary:
     """Compare every new photo with its old one, and write tables, events, maps and the report.
 
@@ -140,6 +144,7 @@ def compare(
         options: How pairs are compared, and which files are written for each.
         engine: Where they are compared; this process if not given.
         progress: Told of every pair.
+        reviewed: Events of an earlier run that were reviewed (`read_reviews`).
 
     Raises:
         OutputError: The folder cannot be written.
@@ -147,10 +152,17 @@ def compare(
     """
     manifest = batch.Manifest(base=".", rows=lambda: (_row(match) for match in matches))
     summary = batch.run(manifest, out, options=options, engine=engine, progress=progress)
-    events = find_events(Path(out), options or batch.Options())
+    found = find_events(Path(out), options or batch.Options())
+    events, unmatched = carry_reviews(found, reviewed)
     write_events(Path(out), events)
-    report = write_reports(Path(out), matches)
-    return Summary(matches=tuple(matches), batch=summary, events=tuple(events), report=report)
+    report = write_reports(Path(out), matches, events)
+    return Summary(
+        matches=tuple(matches),
+        batch=summary,
+        events=events,
+        unmatched_reviews=unmatched,
+        report=report,
+    )
 
 
 def _key(path: str, state: str) -> str | None:

@@ -32,6 +32,7 @@ FOUND = Event(
     latitude=52.1,
     position="bearings",
     uncertainty_m=4.5,
+    review="accepted",
 )
 NOWHERE = replace(
     FOUND,
@@ -43,6 +44,7 @@ NOWHERE = replace(
     latitude=None,
     position=None,
     uncertainty_m=None,
+    review=None,
 )
 
 
@@ -79,6 +81,7 @@ def test_geojson_is_as_rfc_7946_says(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert first["properties"]["uncertainty_m"] == 4.5
     assert second["properties"]["position"] is None
+    assert [one["properties"]["review"] for one in (first, second)] == ["accepted", None]
     write_events(tmp_path, [])
     assert json.loads((tmp_path / "events.geojson").read_text())["features"] == []
 
@@ -99,6 +102,7 @@ def test_the_geopackage_is_a_layer_of_points_that_gdal_reads(tmp_path: Path) -> 
     assert nowhere is None
     assert table["id"] == [1, 2]
     assert table["uncertainty_m"] == [4.5, None]
+    assert table["review"] == ["accepted", None]
     assert table["last_seen"] == ["2026-01-02T03:04:07", None]
     assert json.loads(table["photos"][0]) == list(FOUND.photos)
     assert table["best_photo"][0] == FOUND.best_photo

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from zeroscd.survey.events.sightings import best_first
 
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from zeroscd.records import Kind
     from zeroscd.survey.events.position import Located, PositionKind
     from zeroscd.survey.events.sightings import Sighting
+
+Review: TypeAlias = Literal["accepted", "rejected", "unsure"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +39,7 @@ class Event:
         latitude: The same, northwards.
         position: "bearings": where the thing stands; "camera": where the best photo was taken from.
         uncertainty_m: How far from there the thing may be, in metres.
+        review: What a reviewer said in the report; None if nobody said anything.
     """
 
     id: int
@@ -55,6 +58,7 @@ class Event:
     latitude: float | None
     position: PositionKind | None
     uncertainty_m: float | None
+    review: Review | None = None
 
 
 def make_event(number: int, sightings: Sequence[Sighting], located: Located) -> Event:

@@ -44,6 +44,7 @@ def events_schema() -> pa.Schema:
             "latitude": pa.float64(),
             "position": pa.string(),
             "uncertainty_m": pa.float64(),
+            "review": pa.string(),
         }
     )
 
@@ -57,7 +58,7 @@ def write_events(folder: Path, events: Sequence[Event]) -> None:
         OutputError: The folder cannot be written.
     """
     write_parquet(folder / TABLE, map(_row, events), events_schema())
-    write_whole(folder / GEOJSON, b"".join(geojson_lines(map(_feature, events))))
+    write_whole(folder / GEOJSON, b"".join(geojson_lines(map(event_feature, events))))
     if is_available():
         write_whole(folder / GEOPACKAGE, geopackage(events))
     else:
@@ -83,17 +84,7 @@ def read_events(folder: str | Path) -> list[Event]:
     return [_event(row) for row in pq.read_table(path, schema=events_schema()).to_pylist()]
 
 
-def _row(event: Event) -> dict[str, Any]:
-    regions = [{"pair": pair, "region": region} for pair, region in event.regions]
-    return {**asdict(event), "photos": list(event.photos), "regions": regions}
-
-
-def _event(row: Mapping[str, Any]) -> Event:
-    regions = tuple((one["pair"], one["region"]) for one in row["regions"])
-    return Event(**{**row, "photos": tuple(row["photos"]), "regions": regions})
-
-
-def _feature(event: Event) -> dict[str, Any]:
+def event_feature(event: Event) -> dict[str, Any]:
     """Return an event as a GeoJSON feature; its geometry is null where it has no position."""
     properties = _row(event)
     number, latitude, longitude = (properties.pop(key) for key in ("id", "latitude", "longitude"))
@@ -103,3 +94,13 @@ def _feature(event: Event) -> dict[str, Any]:
         "geometry": point(latitude, longitude),
         "properties": properties,
     }
+
+
+def _row(event: Event) -> dict[str, Any]:
+    regions = [{"pair": pair, "region": region} for pair, region in event.regions]
+    return {**asdict(event), "photos": list(event.photos), "regions": regions}
+
+
+def _event(row: Mapping[str, Any]) -> Event:
+    regions = tuple((one["pair"], one["region"]) for one in row["regions"])
+    return Event(**{**row, "photos": tuple(row["photos"]), "regions": regions})
