@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pair import commit
+from several import FURTHER, SeveralViews
 from tutorial import TutorialDetector
 
 from zeroscd.bench import machine
@@ -33,6 +34,7 @@ from zeroscd.output import write_json, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from collections.abc import Set as AbstractSet
 
     from zeroscd.evaluation.datasets.port import Dataset
     from zeroscd.evaluation.scores import Scores
@@ -55,6 +57,7 @@ PARTS: Mapping[str, Callable[[str], bool]] = {
     "nochange, nature": lambda source: source == "nochange-nature",
 }
 METHODS = ("zeroscd", "tutorial")
+SEVERAL = "views, all old photos"  # the row of "views" with every old photo of a place, ours only
 # key of a result -> heading, digits
 COLUMNS: Mapping[str, tuple[str, int]] = {
     "f1_macro": ("F1", 3),
@@ -105,8 +108,9 @@ def measure(name: str, plan: Plan) -> dict[str, dict[str, Any]]:
         rows[name]["zeroscd"] |= over_sizes(dataset, plan, out)
     if name == "views":
         for method, run in runs.items():
-            share = transients_flagged(dataset, run.out / "masks")
+            share = transients_flagged(dataset, run.out / "masks", {"t0"})
             rows[name][method]["transients_flagged"] = share
+        rows[SEVERAL] = {"zeroscd": several_views(dataset, detector, out / "several")}
     if name == "nochange":
         for part, keeps in PARTS.items():
             rows[part] = {
@@ -164,15 +168,28 @@ def over_sizes(dataset: Dataset, plan: Plan, out: Path) -> dict[str, Any]:
     return {"f1_by_side_px": f1, "f1_over_sizes": statistics.fmean(known) if known else None}
 
 
-def transients_flagged(dataset: Dataset, masks: Path) -> float | None:
-    """Return the share of things passing by in t0 that were flagged; None without any.
+def several_views(dataset: Dataset, detector: Detector, out: Path) -> dict[str, Any]:
+    """Return our figures with every old photo of each place."""
+    run = Run(detector=SeveralViews.of(dataset, detector), out=out)
+    found = figures(evaluate(dataset, run))
+    every = {"t0", *FURTHER}
+    return found | {"transients_flagged": transients_flagged(dataset, out / "masks", every)}
+
+
+def transients_flagged(dataset: Dataset, masks: Path, compared: AbstractSet[str]) -> float | None:
+    """Return the share of things passing by that were flagged; None without any.
 
     `transient/` (t1 frame) shows the one of each place; pairs.json names its old photo.
+
+    Args:
+        dataset: Of several views.
+        masks: What was found.
+        compared: Folders of the old photos that were compared.
     """
     rows = json.loads((dataset.root / "pairs.json").read_text())
-    in_t0 = {row["stem"] for row in rows if row["transient_in"] == "t0"}
+    passed = {row["stem"] for row in rows if row["transient_in"] in compared}
     flagged = []
-    for stem in (files.stem for files in dataset.pairs if files.stem in in_t0):
+    for stem in (files.stem for files in dataset.pairs if files.stem in passed):
         thing = read_mask(dataset.root / "transient" / f"{stem}.png", "white")
         found = read_mask(masks / f"{stem}.png", "white")
         flagged.append(found[thing].mean() >= TRANSIENT_SHARE)

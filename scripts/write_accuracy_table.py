@@ -46,6 +46,7 @@ NAMES = {
     "real2": "real pairs (street-real2-dev)",
     "real": "real pairs (street-real-dev)",
     "views": "one old view of three (street-views-dev)",
+    "views, all old photos": "all three old views (likewise, three photos before)",
     "composite": "composites (street-composite-dev)",
 }
 
@@ -63,7 +64,7 @@ def rows(name: str, sets: dict[str, Any]) -> Iterator[str]:
     for key, (heading, digits) in FIGURES.items():
         if ours["likely"].get(key) is None:
             continue
-        tutorial = sets["likely"][name]["tutorial"].get(key)
+        tutorial = sets["likely"][name].get("tutorial", {}).get(key)
         values = [tutorial, *(ours[step][key] for step in FILES)]
         shown = ["-" if value is None else f"{value:.{digits}f}" for value in values]
         shown[2] = f"**{shown[2]}**"

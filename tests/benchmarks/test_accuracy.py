@@ -94,7 +94,7 @@ def test_pairs_of_a_part_are_reported_apart(accuracy: ModuleType, scores: Scores
     assert accuracy.figures(replace(scores, pairs=()))["seconds_per_pair"] is None
 
 
-def test_a_thing_passing_by_counts_when_half_of_it_is_flagged_and_it_was_in_t0(
+def test_a_thing_passing_by_counts_when_half_of_it_is_flagged_and_its_photo_was_compared(
     accuracy: ModuleType, scores: Scores, tmp_path: Path
 ) -> None:
     rows = [{"stem": "a", "transient_in": "t0"}, {"stem": "b", "transient_in": "t0"}]
@@ -106,9 +106,11 @@ def test_a_thing_passing_by_counts_when_half_of_it_is_flagged_and_it_was_in_t0(
         save(tmp_path / "transient" / f"{stem}.png", THING)
         save(tmp_path / "masks" / f"{stem}.png", found)
     dataset = scores.dataset
-    assert accuracy.transients_flagged(dataset, tmp_path / "masks") == 0.5
+    assert accuracy.transients_flagged(dataset, tmp_path / "masks", {"t0"}) == 0.5
+    every = accuracy.transients_flagged(dataset, tmp_path / "masks", {"t0", "t0b"})
+    assert every == pytest.approx(2 / 3)
     elsewhere = replace(dataset, pairs=dataset.pairs[2:])
-    assert accuracy.transients_flagged(elsewhere, tmp_path / "masks") is None
+    assert accuracy.transients_flagged(elsewhere, tmp_path / "masks", {"t0"}) is None
 
 
 def test_two_files_are_laid_side_by_side(accuracy: ModuleType) -> None:
@@ -138,12 +140,15 @@ def test_the_committed_file_has_every_set_and_the_settings_of_today(accuracy: Mo
     assert content["schema"] == accuracy.SCHEMA
     assert content["preset"] == "lite"
     assert content["settings"] == json.loads(json.dumps(PRESETS["lite"].to_dict()))
-    assert set(content["sets"]) == {*accuracy.SETS, *accuracy.PARTS}
-    for methods in content["sets"].values():
-        assert tuple(methods) == accuracy.METHODS
+    assert set(content["sets"]) == {*accuracy.SETS, *accuracy.PARTS, accuracy.SEVERAL}
+    for name, methods in content["sets"].items():
+        assert tuple(methods) == (("zeroscd",) if name == accuracy.SEVERAL else accuracy.METHODS)
         for found in methods.values():
             check_figures(found)
     real, views = (content["sets"][name]["zeroscd"] for name in ("real", "views"))
+    several = content["sets"][accuracy.SEVERAL]["zeroscd"]
+    assert several["pairs"] == views["pairs"]
+    assert 0 <= several["transients_flagged"] <= 1
     assert list(real["f1_by_side_px"]) == [str(side) for side in accuracy.SIDES_PX]
     assert real["f1_over_sizes"] == pytest.approx(np.mean(list(real["f1_by_side_px"].values())))
     assert 0 <= views["transients_flagged"] <= 1
