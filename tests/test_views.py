@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from zeroscd.detector import Detector
 from zeroscd.errors import ImageError
 from zeroscd.export.changes import changes
+from zeroscd.judge.ground import Ground
 from zeroscd.models import Models
 from zeroscd.settings import Settings
+from zeroscd.views import sights
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -164,6 +167,24 @@ def test_photos_of_other_places_stand_alone(detect: Detect, draw_scene: Any) -> 
     alone = detect([scene, other], scene.before, other.after)
     np.testing.assert_array_equal(result.mask, alone.mask)
     assert [one.left_out is None for one in result.further_photos] == [False]
+
+
+def test_a_place_is_verified_where_any_view_verifies_it(
+    toy_encoder: PatchEncoder, street: Any
+) -> None:
+    new, left, right = street(), street(SHIFT), street(BACK)
+    detector = Detector(Settings().override(PLAIN), Models(toy_encoder, new.segmenter()))
+    photos = detector.encode([left.after, right.after, new.after])
+    evidence = detector.compare(photos[:2], photos[2:])
+    none = Ground(np.zeros_like(evidence.ground[1].verified), evidence.ground[1].grid)
+    blind = replace(evidence, ground=(evidence.ground[0], none))
+    verified = [
+        sights(one, detector.settings, tau=toy_encoder.tau)[1].ground.verified
+        for one in (evidence, blind)
+    ]
+    assert verified[1].max() == 1.0  # the other old photo verifies it
+    assert (verified[1] <= verified[0]).all()
+    assert verified[0].mean() > evidence.ground[1].verified.mean()
 
 
 @pytest.mark.parametrize("sides", [([], "after"), ("before", [])], ids=["before", "after"])

@@ -166,8 +166,9 @@ def _sight(
     ]
     at_patches = np.ix_(*pixel_rows_cols(ground.grid, size_hw))
     seen = np.stack([~view.unknown[at_patches] for view in views])
-    share = np.where(seen, np.stack(verified), 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
-    together = Ground(np.asarray(share, dtype=np.float32), ground.grid)
+    # One verified view is enough: the others' distances can only lower what it says.
+    best = np.where(seen, np.stack(verified), 0.0).max(axis=0)
+    together = Ground(np.asarray(best, dtype=np.float32), ground.grid)
     return Sight(agreed_change(views, consensus=consensus), views, together)
 
 

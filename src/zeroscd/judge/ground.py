@@ -29,8 +29,8 @@ class Ground:
     """Which patches of a photo are verified.
 
     Attributes:
-        verified: (rows, cols) share of the views, 0..1, in which the patch and its mutual match
-            agree with the homography; with one view either 0 or 1.
+        verified: (rows, cols) 1 where the patch and its mutual match agree with the homography,
+            else 0; between them where it was carried over from another view.
         grid: Where the patches lie, in pixels of the photo.
     """
 

@@ -19,7 +19,7 @@ class Sight(NamedTuple):
     Attributes:
         coarse: What enough views agree on.
         views: What each view says.
-        ground: In which share of the views each patch is verified.
+        ground: Which patches are verified in at least one of the views.
     """
 
     coarse: CoarseChange

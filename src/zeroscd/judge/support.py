@@ -65,7 +65,7 @@ ONE_VIEW = Scale(
 )
 # That the views agree does most of it already; chosen on street-views-dev as a whole.
 SEVERAL_VIEWS = Scale(
-    ring=Knots(0.0, 0.08, 0.12),
+    ring=Knots(0.0, 0.17, 0.21),
     excess=Knots(-0.1, 0.0, 0.05),
     contrast=Knots(0.0, 0.2, 0.24),
     novelty=None,
