@@ -67,8 +67,8 @@ def in_frame(region: Region, result: ChangeResult, truth: Truth) -> Mask:
     mask = coco.decode(region.rle).astype(bool)
     alignment = result.alignment
     if region.frame != result.frame and isinstance(alignment, Alignment):
-        way = np.asarray(alignment.t1_from_t0)
-        way = way if result.frame == "t1" else np.linalg.inv(way)
+        way: NDArray[np.float64] = np.asarray(alignment.t1_from_t0, dtype=np.float64)
+        way = way if result.frame == "t1" else np.asarray(np.linalg.inv(way), dtype=np.float64)
         height, width = result.mask.shape
         mask = cv2.warpPerspective(mask.astype(np.uint8), way, (width, height)) > 0
     return resize_mask(mask, truth.changed.shape)

@@ -3,7 +3,7 @@
     python benchmarks/mutations.py [-n 20000] [--seed 0]
 
 Small photos of every kind that is read, with EXIF, are damaged at random: bytes changed, cut off,
-doubled, taken out, numbers in headers made large. Written to benchmarks/results/mutations.json.
+doubled, taken out, numbers in headers made large. Written to benchmarks/results/reader/mutations.json.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from zeroscd.errors import ImageError
 from zeroscd.images.read import read_photo
 from zeroscd.output import write_json
 
-RESULT = Path(__file__).parent / "results" / "mutations.json"
+RESULT = Path(__file__).parent / "results" / "reader" / "mutations.json"
 SIZE_HW = (48, 64)
 KINDS = (
     "JPEG",

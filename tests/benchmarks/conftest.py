@@ -39,10 +39,19 @@ def tutorial(load_script: Callable[[str], ModuleType]) -> ModuleType:
 
 
 @pytest.fixture(scope="session")
+def several(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    return load_script("several")
+
+
+@pytest.fixture(scope="session")
 def accuracy(
-    load_script: Callable[[str], ModuleType], tutorial: ModuleType, pair_benchmark: ModuleType
+    load_script: Callable[[str], ModuleType],
+    tutorial: ModuleType,
+    pair_benchmark: ModuleType,
+    several: ModuleType,
 ) -> ModuleType:
-    assert (tutorial.__name__, pair_benchmark.__name__) == ("tutorial", "pair")
+    found = (tutorial.__name__, pair_benchmark.__name__, several.__name__)
+    assert found == ("tutorial", "pair", "several")
     return load_script("accuracy")
 
 
