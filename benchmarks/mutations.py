@@ -3,7 +3,7 @@
     python benchmarks/mutations.py [-n 20000] [--seed 0]
 
 Small photos of every kind that is read, with EXIF, are damaged at random: bytes changed, cut off,
-doubled, taken out, numbers in headers made large. Written to benchmarks/results/reader/mutations.json.
+doubled, taken out, numbers in headers made large. Written to results/reader/.
 """
 
 from __future__ import annotations

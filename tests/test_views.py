@@ -9,6 +9,7 @@ import pytest
 from zeroscd.detector import Detector
 from zeroscd.errors import ImageError
 from zeroscd.export.changes import changes
+from zeroscd.export.summary import transients_sentence
 from zeroscd.judge.ground import Ground
 from zeroscd.models import Models
 from zeroscd.settings import Settings
@@ -185,6 +186,54 @@ def test_a_place_is_verified_where_any_view_verifies_it(
     assert verified[1].max() == 1.0  # the other old photo verifies it
     assert (verified[1] <= verified[0]).all()
     assert verified[0].mean() > evidence.ground[1].verified.mean()
+
+
+def test_what_stands_in_one_photo_only_is_transient_there_and_no_change(
+    toy_encoder: PatchEncoder, street: Any
+) -> None:
+    new, passing, old = street(things=[SIGN]), street(SHIFT, [CAR]), [street(BACK), street()]
+    scenes, segmenter = [new, passing, *old], new.segmenter()
+    for scene in scenes:
+        segmenter.script |= scene.segmenter().script
+    detector = Detector(Settings().override(PLAIN), Models(toy_encoder, segmenter))
+    photos = [old[0].after, passing.after, old[1].after]
+    result = detector.detect(photos, new.after, transients=True)
+    assert [region.kind for region in result.regions] == ["added"]
+    assert result.transients is not None
+    assert [one.frame for one in result.transients] == ["t0"] * 3  # the sign is new, not passing by
+    assert [len(one.regions) for one in result.transients] == [0, 1, 0]
+    np.testing.assert_array_equal(result.transients[1].photo.pixels, passing.after)
+    (car,) = result.transients[1].regions
+    assert (car.id, car.kind, car.frame, car.seen_by) == (1, "transient", "t0", 3)
+    assert box_iou(car.bbox_xywh, CAR) > 0.9
+    written = changes(result)["transients"]
+    assert [(one["side"], len(one["regions"])) for one in written] == [
+        ("before", 0),
+        ("before", 1),
+        ("before", 0),
+    ]
+    assert transients_sentence(result) == "In one photo only: 1 in before (no name)."
+    assert detector.detect(photos, new.after).transients is None
+
+
+def test_two_photos_do_not_say_which_of_them_is_the_exception(
+    toy_encoder: PatchEncoder, draw_scene: Any
+) -> None:
+    scene = draw_scene(SHIFT, removed=[CAR])
+    detector = Detector(Settings().override(PLAIN), Models(toy_encoder, scene.segmenter()))
+    result = detector.detect(scene.before, scene.after, transients=True)
+    assert result.transients == ()
+    assert transients_sentence(result) == "In one photo only: nothing."
+
+
+def box_iou(first: Sequence[int], second: Sequence[int]) -> float:
+    """Return the IoU of two boxes, each left, top, width, height."""
+    width, height = (
+        max(0, min(first[i] + first[i + 2], second[i] + second[i + 2]) - max(first[i], second[i]))
+        for i in (0, 1)
+    )
+    both = width * height
+    return both / (first[2] * first[3] + second[2] * second[3] - both)
 
 
 @pytest.mark.parametrize("sides", [([], "after"), ("before", [])], ids=["before", "after"])

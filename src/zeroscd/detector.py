@@ -13,8 +13,8 @@ from zeroscd.evidence import EncodedPhoto, Evidence, Pair
 from zeroscd.images.contrast import is_blank
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models, load_models
-from zeroscd.records import NotAligned
-from zeroscd.refine.regions import find_regions
+from zeroscd.records import NotAligned, Transients
+from zeroscd.refine.regions import alone_in_its_photo, find_regions
 from zeroscd.renamed import warn_renamed
 from zeroscd.result import ChangeResult
 from zeroscd.settings import preset as settings_of
@@ -31,10 +31,11 @@ from zeroscd.timer import StageTimer
 from zeroscd.views import join, several, sights
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from zeroscd.images.photo import Photo
     from zeroscd.images.read import PhotoSource
+    from zeroscd.records import Frame
     from zeroscd.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -104,6 +105,8 @@ class Detector:
         self,
         before: PhotoSource | Sequence[PhotoSource],
         after: PhotoSource | Sequence[PhotoSource],
+        *,
+        transients: bool = False,
     ) -> ChangeResult:
         """Find what changed; the photos may differ in size.
 
@@ -117,6 +120,8 @@ class Detector:
         Args:
             before: The t0 photo, or a list of old photos of the place.
             after: The t1 photo, or a list of new ones.
+            transients: Whether to look for what stands in one photo only, too. Each photo of a
+                side that has several is compared with all others.
 
         Raises:
             ImageError: A photo cannot be read, or a side has none.
@@ -124,8 +129,11 @@ class Detector:
         timer = StageTimer()
         old, new = _listed(before, "before"), _listed(after, "after")
         encoded = self.encode([*old, *new], timer=timer)
-        evidence = self.compare(encoded[: len(old)], encoded[len(old) :], timer=timer)
-        return self.decide(evidence)
+        sides = encoded[: len(old)], encoded[len(old) :]
+        result = self.decide(self.compare(*sides, timer=timer))
+        if not transients:
+            return result
+        return replace(result, transients=tuple(self._transients(*sides)))
 
     def encode(
         self, photos: Sequence[PhotoSource], *, timer: StageTimer | None = None
@@ -244,6 +252,23 @@ class Detector:
             seconds=timer.seconds,
             further_photos=evidence.further_photos,
         )
+
+    def _transients(
+        self, old: Sequence[EncodedPhoto], new: Sequence[EncodedPhoto]
+    ) -> Iterator[Transients]:
+        """Take each photo as the new one: what all others lack is in it alone."""
+        settings = self.settings.override({"frame": "t1"})
+        sides: tuple[tuple[Sequence[EncodedPhoto], Frame], ...] = ((old, "t0"), (new, "t1"))
+        for side, frame in sides:
+            # The only photo of a side shows what is removed or added.
+            for photo in side if len(side) > 1 else ():
+                others = [one for one in (*old, *new) if one is not photo]
+                found = self.decide(self.compare(others, photo), settings)
+                yield Transients(
+                    photo=photo.photo,
+                    frame=frame,
+                    regions=alone_in_its_photo(found.regions, frame),
+                )
 
     def look(self, photos: Sequence[PhotoSource]) -> list[EncodedPhoto]:
         """Encode photos, by the old name of `encode`."""

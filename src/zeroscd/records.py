@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 UNRELATED = math.sqrt(2.0)  # expected distance of two unit descriptors that have nothing in common
 
 Frame: TypeAlias = Literal["t0", "t1"]
-Kind: TypeAlias = Literal["removed", "added"]
+Kind: TypeAlias = Literal["removed", "added", "transient"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,7 +172,8 @@ class Region:
 
     Attributes:
         id: 1, 2, ... in order of falling score, then position; regions at the border come last.
-        kind: "removed" lives in the t0 photo, "added" in the t1 photo.
+        kind: "removed" lives in the t0 photo, "added" in the t1 photo, "transient" in one photo of
+            several, see `Transients`.
         score: 0..1, share of development regions with such support that truly changed.
         frame: The photo in whose pixels the geometry is given ("t0" for removed).
         area_px: Number of pixels.
@@ -202,6 +203,21 @@ class Region:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Transients:
+    """What stands in one photo of a place and in no other, old or new: cars, people, bins.
+
+    Attributes:
+        photo: The photo.
+        frame: The side it was given on: "t0" for an old photo, "t1" for a new one.
+        regions: In its pixels, of kind "transient", most certain first.
+    """
+
+    photo: Photo
+    frame: Frame
+    regions: tuple[Region, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Changes:
     """What changed between two photos: the data of a `ChangeResult`.
 
@@ -222,6 +238,8 @@ class Changes:
         preset: Name of the preset the settings started from.
         seconds: Wall time of each stage.
         further_photos: Further photos of the place, beyond `before` and `after`.
+        transients: What stands in one photo only, for each photo of a side that has several; no
+            change, and in no mask. None where it was not asked for.
     """
 
     before: Photo
@@ -239,6 +257,7 @@ class Changes:
     preset: str
     seconds: Mapping[str, float] = field(default_factory=dict)
     further_photos: tuple[FurtherPhoto, ...] = ()
+    transients: tuple[Transients, ...] | None = None
 
     @property
     def changed_fraction(self) -> float:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from zeroscd.images.read import read_photo
-from zeroscd.records import FurtherPhoto, NotAligned, Region
+from zeroscd.records import FurtherPhoto, NotAligned, Region, Transients
 from zeroscd.result import ChangeResult
 from zeroscd.settings import Settings
 
@@ -36,7 +36,9 @@ class ToyDetector:
         self.requests.append((name, device, dict(overrides or {})))
         return self
 
-    def detect(self, paths_t0: Sequence[Path], paths_t1: Sequence[Path]) -> ChangeResult:
+    def detect(
+        self, paths_t0: Sequence[Path], paths_t1: Sequence[Path], *, transients: bool = False
+    ) -> ChangeResult:
         if self.failure is not None:
             raise self.failure
         before, after = read_photo(paths_t0[0]), read_photo(paths_t1[0])
@@ -58,6 +60,9 @@ class ToyDetector:
             settings=Settings(),
             preset="lite",
             further_photos=(*_further(paths_t0, "t0"), *_further(paths_t1, "t1")),
+            transients=(
+                (Transients(photo=before, frame="t0", regions=()),) if transients else None
+            ),
         )
 
 

@@ -63,6 +63,15 @@ def test_further_photos_of_the_place_are_named_with_those_that_are_left_out(
     assert [(one["seen_by"], one["agreed_by"]) for one in saved["regions"]] == [(1, 1)]
 
 
+def test_what_stands_in_one_photo_only_is_listed_when_asked_for(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--transients"]) == 0
+    assert "In one photo only: nothing." in capsys.readouterr().out.splitlines()
+    saved = json.loads((tmp_path / "out" / "changes.json").read_text())
+    assert [(one["side"], one["regions"]) for one in saved["transients"]] == [("before", [])]
+
+
 def test_an_unreadable_further_photo_is_refused_before_the_networks_are_loaded(
     command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -31,6 +31,12 @@ def detect(
         list[Path] | None,
         typer.Option(metavar="PATH", help="Another later photo of the place; may be repeated."),
     ] = None,
+    transients: Annotated[
+        bool,
+        typer.Option(
+            "--transients", help="Also list what stands in one photo only, of three or more."
+        ),
+    ] = False,
     preset: Preset = "lite",
     frame: Annotated[
         Literal["t0", "t1"] | None,
@@ -51,7 +57,9 @@ def detect(
         overrides["frame"] = frame
     check_request(preset, overrides, out=out)
     sides = [before, *(also_before or ())], [after, *(also_after or ())]
-    result = compare(*sides, preset=preset, device=device, overrides=overrides)
+    result = compare(
+        *sides, preset=preset, device=device, overrides=overrides, transients=transients
+    )
     save_and_tell(result, out)
 
 
@@ -75,6 +83,7 @@ def compare(
     preset: str,
     device: str,
     overrides: Mapping[str, object],
+    transients: bool = False,
 ) -> ChangeResult:
     """Read the photos, load the networks and find the changes.
 
@@ -84,6 +93,7 @@ def compare(
         preset: Named settings to start from.
         device: Where the networks run.
         overrides: Settings that differ from the preset's.
+        transients: Whether to list what stands in one photo only.
 
     Raises:
         ImageError: A photo cannot be read.
@@ -99,7 +109,7 @@ def compare(
 
         detector = Detector.from_preset(preset, device=device, overrides=overrides)
     with busy("comparing"):
-        return detector.detect(before, after)
+        return detector.detect(before, after, transients=transients)
 
 
 def save_and_tell(result: ChangeResult, out: Path) -> None:
@@ -118,4 +128,6 @@ def save_and_tell(result: ChangeResult, out: Path) -> None:
     say(summary.summary(result))
     if further := summary.further_photos_sentence(result):
         say(further)
+    if passing := summary.transients_sentence(result):
+        say(passing)
     say(f"report: {out / REPORT}")

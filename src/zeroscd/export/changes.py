@@ -36,6 +36,7 @@ def changes(result: Changes) -> dict[str, Any]:
             for region in result.regions
         ],
         **_further_photos(result),
+        **_transients(result),
         "seconds": {stage: float(value) for stage, value in result.seconds.items()},
     }
 
@@ -58,6 +59,20 @@ def _further_photos(result: Changes) -> dict[str, Any]:
         for one in result.further_photos
     ]
     return {"further_photos": photos}
+
+
+def _transients(result: Changes) -> dict[str, Any]:
+    if result.transients is None:
+        return {}
+    photos = [
+        {
+            **_photo(one.photo),
+            "side": "before" if one.frame == "t0" else "after",
+            "regions": [region_values(region) | _views(region) for region in one.regions],
+        }
+        for one in result.transients
+    ]
+    return {"transients": photos}
 
 
 def _views(region: Region) -> dict[str, int]:

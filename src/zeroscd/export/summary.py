@@ -11,7 +11,7 @@ from zeroscd.records import Alignment
 
 if TYPE_CHECKING:
     from zeroscd.images.photo import Photo
-    from zeroscd.records import Changes, FurtherPhoto
+    from zeroscd.records import Changes, FurtherPhoto, Transients
 
 MOSTLY_UNSEEN = 0.5  # share of pixels out of view above which the report warns
 HARDLY_JUDGED = 0.1  # share of judged pixels below which it warns
@@ -78,7 +78,17 @@ def further_photos_sentence(result: Changes) -> str:
     return " ".join(f"{title}: {', '.join(names)}." for title, names in parts.items() if names)
 
 
-def _side_and_name(further: FurtherPhoto) -> str:
+def transients_sentence(result: Changes) -> str:
+    """Say how many things stand in one photo only; empty if nobody asked."""
+    if result.transients is None:
+        return ""
+    found = [
+        f"{len(one.regions)} in {_side_and_name(one)}" for one in result.transients if one.regions
+    ]
+    return f"In one photo only: {', '.join(found) if found else 'nothing'}."
+
+
+def _side_and_name(further: FurtherPhoto | Transients) -> str:
     side = "before" if further.frame == "t0" else "after"
     return f"{side} {photo_name(further.photo, otherwise='(no name)')}"
 

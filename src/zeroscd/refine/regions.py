@@ -71,6 +71,21 @@ def find_regions(
     return tuple(replace(region, id=number) for number, region in enumerate(found, start=1))
 
 
+def alone_in_its_photo(regions: Iterable[Region], frame: Frame) -> tuple[Region, ...]:
+    """Return what is new to all other photos of a place, as regions of kind "transient".
+
+    Args:
+        regions: Of the photo compared with all others.
+        frame: The side that the photo was given on.
+    """
+    # Two photos that differ do not say which of them is the exception.
+    found = [one for one in regions if one.kind == "added" and one.seen_by > 1]
+    return tuple(
+        replace(one, id=number, kind="transient", frame=frame)
+        for number, one in enumerate(found, start=1)
+    )
+
+
 def _regions(parts: Iterable[Part], unseen: Mask, *, kind: Kind, frame: Frame) -> Iterator[Region]:
     border = _border(unseen)
     for part in parts:
