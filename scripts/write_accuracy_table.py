@@ -59,13 +59,13 @@ def table() -> str:
 
 def rows(name: str, sets: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of one set, one for each figure that it has."""
-    ours = {step: sets[step][name]["zeroscd"] for step in FILES}
+    ours = {step: sets[step].get(name, {}).get("zeroscd", {}) for step in FILES}
     label, pairs = NAMES[name], f"{ours['likely']['pairs']}"
     for key, (heading, digits) in FIGURES.items():
         if ours["likely"].get(key) is None:
             continue
         tutorial = sets["likely"][name].get("tutorial", {}).get(key)
-        values = [tutorial, *(ours[step][key] for step in FILES)]
+        values = [tutorial, *(ours[step].get(key) for step in FILES)]
         shown = ["-" if value is None else f"{value:.{digits}f}" for value in values]
         shown[2] = f"**{shown[2]}**"
         yield f"| {' | '.join([label, pairs, heading, *shown])} |\n"
