@@ -9,6 +9,7 @@ from PIL import Image
 
 from zeroscd.export.table import changes_schema, pairs_schema, write_parquet
 from zeroscd.survey.cards import MAX_SIGHTINGS, make_cards
+from zeroscd.survey.thumbs import Closeup
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,6 +57,28 @@ def test_both_photos_have_the_outline_carried_by_the_homography(
     assert removed_before.rings_xy[0] == pytest.approx(SQUARE)
     assert removed_after.rings_xy[0] == pytest.approx(SQUARE + np.array([30, 5]))
     assert cards[0].pairs[0].report == "p1/report.html"
+
+
+def test_the_best_pair_has_close_ups_of_the_same_place_in_both_photos(
+    folder: Path, event: Callable[..., Event]
+) -> None:
+    regions = (("p0", 1), ("p1", 1))
+    seen = event(kind="removed", best_pair="p1", best_region=1, regions=regions, sightings=2)
+    (card,) = make_cards([seen], folder)
+    best, other = card.pairs
+    assert [photo.closeup for photo in best.photos] == [
+        Closeup("thumbs/p1-before-1.jpg", (0, 0, 48, 48)),
+        Closeup("thumbs/p1-after-1.jpg", (21, 0, 48, 48)),  # around 45, 20
+    ]
+    assert (folder / "thumbs" / "p1-after-1.jpg").exists()
+    assert [photo.closeup for photo in other.photos] == [None, None]
+
+
+def test_there_is_no_close_up_of_one_photo_alone(folder: Path, event: Callable[..., Event]) -> None:
+    added = event(best_pair="p1", best_region=2)  # carried to the left of the photo before
+    not_aligned = event(2, best_pair="p0", best_region=2)
+    for card in make_cards([added, not_aligned], folder):
+        assert [photo.closeup for photo in card.pairs[0].photos] == [None, None]
 
 
 def test_without_a_homography_only_the_photo_that_shows_it_has_the_outline(

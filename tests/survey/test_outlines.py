@@ -24,6 +24,15 @@ def test_a_staircase_loses_the_steps_that_a_thumbnail_cannot_show() -> None:
     assert {tuple(corner) for corner in few.tolist()} <= corners
 
 
+def test_a_ragged_outline_has_a_bounded_number_of_corners_near_its_own() -> None:
+    angles = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
+    radii = 300 + np.random.default_rng(0).normal(0, 2, angles.size)
+    ring = np.stack([500 + radii * np.cos(angles), 500 + radii * np.sin(angles)], axis=1)
+    (few,) = simplify([ring.tolist()], (1000, 1000))
+    assert 20 < len(few) <= 60
+    assert np.linalg.norm(few - 500, axis=1) == pytest.approx(300, abs=10)
+
+
 def test_a_region_smaller_than_a_pixel_of_the_thumbnail_keeps_its_outline() -> None:
     ring = [(100, 100), (102, 100), (102, 102), (100, 102)]
     (same,) = simplify([ring], (3000, 4000))

@@ -13,7 +13,7 @@ from zeroscd.survey.cards import Card, PairOfEvent, PhotoOfPair
 from zeroscd.survey.events.files import event_feature
 from zeroscd.survey.matching import PhotoMatch
 from zeroscd.survey.page import Content, digest_events, render_page
-from zeroscd.survey.thumbs import Thumb
+from zeroscd.survey.thumbs import Closeup, Thumb
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +52,13 @@ def card(pair: Callable[..., Any], event: Callable[..., Event]) -> Callable[...,
     """A card with the photo before, which is carried to, and the photo after, which has gone."""
 
     def make(
-        number: int = 1, *, pairs: int = 1, sightings: int = 0, row: Any = None, **values: Any
+        number: int = 1,
+        *,
+        pairs: int = 1,
+        sightings: int = 0,
+        row: Any = None,
+        closeup: Closeup | None = None,
+        **values: Any,
     ) -> Card:
         rows = [pair(pair=f"{name}", **(row or {})) for name in ["elm", "oak", "fir"][:pairs]]
         shown = [
@@ -66,6 +72,7 @@ def card(pair: Callable[..., Any], event: Callable[..., Event]) -> Callable[...,
                         thumb=Thumb("thumbs/x-before.jpg", (100, 200)),
                         rings_xy=[SQUARE],
                         carried=True,
+                        closeup=closeup,
                     ),
                     PhotoOfPair(
                         when="after",
@@ -74,6 +81,7 @@ def card(pair: Callable[..., Any], event: Callable[..., Event]) -> Callable[...,
                         thumb=Thumb(None, (3, 4)),
                         rings_xy=[SQUARE],
                         carried=False,
+                        closeup=closeup,
                     ),
                 ),
                 report=f"{one['pair']}/report.html",
@@ -127,6 +135,20 @@ def test_an_outline_that_was_carried_looks_different(card: Callable[..., Card]) 
     (before,) = re.findall(r'<svg class="shapes".*?</svg>', text, re.DOTALL)
     assert '<g class="added carried">' in before
     assert 'd="M10.0,10.0 20.0,10.0 20.0,20.0 10.0,20.0Z"' in before
+
+
+def test_a_close_up_has_the_outline_too(card: Callable[..., Card]) -> None:
+    text = render_page(content(card(closeup=Closeup("thumbs/x-before-1.jpg", (5, 6, 48, 48)))))
+    read = Reader(text)
+    close = [one for one in read.all("img") if one["src"] == "thumbs/x-before-1.jpg"]
+    assert [one["alt"] for one in close] == [
+        "The place of event 1, before",
+        "The place of event 1, after",
+    ]
+    (before, _) = re.findall(r'<svg class="shapes" viewBox="5 6 48 48".*?</svg>', text, re.DOTALL)
+    assert 'd="M10.0,10.0 20.0,10.0 20.0,20.0 10.0,20.0Z"' in before
+    assert text.count("closer</figcaption>") == 2
+    assert "closer</figcaption>" not in render_page(content(card()))
 
 
 def test_other_sightings_are_folded(card: Callable[..., Card]) -> None:

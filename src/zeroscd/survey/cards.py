@@ -11,12 +11,12 @@ from zeroscd.survey.outlines import carry, other_from_own, read_homography, simp
 from zeroscd.survey.thumbs import draw_thumbs
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Container, Mapping, Sequence
     from pathlib import Path
 
     from zeroscd.arrays import Homography, PointsXy
     from zeroscd.survey.events import Event
-    from zeroscd.survey.thumbs import Thumb
+    from zeroscd.survey.thumbs import Closeup, Thumb
 
 MAX_SIGHTINGS = 6  # on a card; all are in the tables
 FRAMES = {"before": "t0", "after": "t1"}
@@ -33,6 +33,8 @@ class PhotoOfPair:
         thumb: Its thumbnail.
         rings_xy: Outlines in pixels of the photo; none where they cannot be carried to it.
         carried: It does not show the thing: the outlines come from the other photo.
+        closeup: The thing's place, larger; None where the pair is not the event's best, or a
+            close-up would show no more.
     """
 
     when: str
@@ -41,6 +43,7 @@ class PhotoOfPair:
     thumb: Thumb
     rings_xy: Sequence[PointsXy]
     carried: bool
+    closeup: Closeup | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,37 +69,64 @@ class Card:
     pairs: tuple[PairOfEvent, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """A pair as it is read: its rows, its homography, the path of its own report."""
+
+    compared: ComparedPair
+    t1_from_t0: Homography | None
+    report: str | None
+
+    def regions(self, event: Event) -> list[Mapping[str, Any]]:
+        """Return the event's regions in this pair."""
+        numbers = {region for pair, region in event.regions if pair == self.compared.name}
+        return [change for change in self.compared.changes if change["region"] in numbers]
+
+    def rings(self, event: Event, when: str) -> list[PointsXy]:
+        """Return the outlines of the event's regions in the photo before or after."""
+        rings: list[PointsXy] = []
+        for change in self.regions(event):
+            own: list[PointsXy] = change["rings_xy"]
+            if change["frame"] == FRAMES[when]:
+                rings += own
+            else:
+                rings += carry(own, other_from_own(self.t1_from_t0, change["frame"]))
+        return rings
+
+
 def make_cards(events: Sequence[Event], folder: Path) -> list[Card]:
-    """Gather what the cards show, and write the thumbnails.
+    """Gather what the cards show, and write thumbnails and close-ups.
 
     Args:
         events: In the order of the cards.
-        folder: Holds the tables of the survey, and gets the thumbnails.
+        folder: Holds the tables of the survey, and gets the pictures.
 
     Raises:
         OSError: The folder cannot be written.
-        OutputError: A thumbnail cannot be written.
+        OutputError: A picture cannot be written.
     """
-    wanted = {name for event in events for name in _pair_names(event)}
-    compared = {
-        one.name: ComparedPair(one.pair, tuple(map(_simplified, one.changes)))
-        for one in read_compared_pairs(folder)
-        if one.name in wanted
-    }
-    thumbs = draw_thumbs(compared.values(), folder)
-    homographies = {name: read_homography(folder / name) for name in compared}
-    reports = {name for name in compared if (folder / name / REPORT).exists()}
-
-    def show(event: Event, name: str) -> PairOfEvent:
-        return PairOfEvent(
-            pair=compared[name].pair,
-            photos=_photos(compared[name], event, thumbs[name], homographies[name]),
-            report=f"{name}/{REPORT}" if name in reports else None,
-        )
-
+    sources = _read_sources({name for event in events for name in _pair_names(event)}, folder)
+    close: dict[tuple[str, str], dict[int, list[PointsXy]]] = {}
+    for event in events:
+        rings = {when: sources[event.best_pair].rings(event, when) for when in FRAMES}
+        for when in FRAMES if all(rings.values()) else ():
+            close.setdefault((event.best_pair, when), {})[event.best_region] = rings[when]
+    thumbs = draw_thumbs((source.compared for source in sources.values()), folder, close)
     return [
-        Card(event, tuple(show(event, name) for name in _pair_names(event))) for event in events
+        Card(event, tuple(_show(event, sources[n], thumbs[n]) for n in _pair_names(event)))
+        for event in events
     ]
+
+
+def _read_sources(names: Container[str], folder: Path) -> dict[str, _Source]:
+    sources = {}
+    for one in read_compared_pairs(folder):
+        if one.name in names:
+            own = folder / one.name
+            report = f"{one.name}/{REPORT}" if (own / REPORT).exists() else None
+            compared = ComparedPair(one.pair, tuple(map(_simplified, one.changes)))
+            sources[one.name] = _Source(compared, read_homography(own), report)
+    return sources
 
 
 def _pair_names(event: Event) -> list[str]:
@@ -115,33 +145,24 @@ def _simplified(change: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _photos(
-    compared: ComparedPair, event: Event, thumbs: Sequence[Thumb], t1_from_t0: Homography | None
-) -> tuple[PhotoOfPair, PhotoOfPair]:
-    own = [one for one in compared.changes if (compared.name, one["region"]) in set(event.regions)]
+def _show(event: Event, source: _Source, thumbs: Sequence[Thumb]) -> PairOfEvent:
+    pair, regions = source.compared.pair, source.regions(event)
+    # A close-up of one photo alone would have nothing to be compared with.
+    is_close = source.compared.name == event.best_pair and all(
+        event.best_region in thumb.closeups for thumb in thumbs
+    )
 
     def photo(when: str, thumb: Thumb) -> PhotoOfPair:
         return PhotoOfPair(
             when=when,
-            address=str(compared.pair[when]),
-            taken=compared.pair[f"taken_{when}"],
+            address=str(pair[when]),
+            taken=pair[f"taken_{when}"],
             thumb=thumb,
-            rings_xy=_rings_in(FRAMES[when], own, t1_from_t0),
-            carried=all(one["frame"] != FRAMES[when] for one in own),
+            rings_xy=source.rings(event, when),
+            carried=all(one["frame"] != FRAMES[when] for one in regions),
+            closeup=thumb.closeups[event.best_region] if is_close else None,
         )
 
     before, after = thumbs
-    return photo("before", before), photo("after", after)
-
-
-def _rings_in(
-    frame: str, changes: Iterable[Mapping[str, Any]], t1_from_t0: Homography | None
-) -> list[PointsXy]:
-    rings: list[PointsXy] = []
-    for change in changes:
-        own: list[PointsXy] = change["rings_xy"]
-        if change["frame"] == frame:
-            rings += own
-        else:
-            rings += carry(own, other_from_own(t1_from_t0, change["frame"]))
-    return rings
+    photos = photo("before", before), photo("after", after)
+    return PairOfEvent(pair=pair, photos=photos, report=source.report)

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 WIDTH = 800.0  # of the drawing, in its own units
 MARGIN = 60.0
-MIN_SHAPE, MAX_SHAPE = 0.45, 1.0  # height by width
+MIN_SHAPE, MAX_SHAPE = 0.45, 0.62  # height by width: flat enough for a window
 MIN_SPAN_M = 40.0  # a single street corner is not blown up any further
 BAR_SHARE = 0.25  # of the width, at most, for the scale bar
 APART = 40.0  # between the middles of two numbers: the style sheet draws them smaller
-TRIES = 120  # places for a number, around its point
+TRIES = 60  # places for a number, around its point
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 LINES = 4  # of latitude and of longitude, or one more
 

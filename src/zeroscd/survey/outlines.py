@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 CHANGES_JSON = "changes.json"
 HALF_PIXEL = 0.5  # outlines count corners of pixels; a homography's centres are whole numbers
 TOLERANCE_PX = 0.5  # of the thumbnail: finer outlines would only make the page larger
-MIN_CORNERS = 3
+MIN_CORNERS, MAX_CORNERS = 3, 60  # a page of thousands of outlines stays small
 
 
 def simplify(
@@ -42,7 +42,10 @@ def simplify(
 
 
 def _simplified(ring: Any, tolerance: float) -> PointsXy:  # noqa: ANN401 - OpenCV's own array type
-    fewer = cv2.approxPolyDP(ring, tolerance, closed=True).reshape(-1, 2)
+    fewer = ring
+    while len(fewer) > MAX_CORNERS or fewer is ring:
+        fewer = cv2.approxPolyDP(ring, tolerance, closed=True).reshape(-1, 2)
+        tolerance *= 2
     return np.asarray(fewer if len(fewer) >= MIN_CORNERS else ring, np.float64)
 
 
