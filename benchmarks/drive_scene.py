@@ -1,0 +1,328 @@
+"""Drives with known truth: frames of street photos, things pasted where they stand, made-up EXIF."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from odometry import CAMERA_HEIGHT_M, FOCAL_35MM, Pose, camera_matrix, motion, path_of
+from PIL import Image
+
+from zeroscd.output import write_json
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from odometry import Step
+
+    from zeroscd.arrays import Mask, Rgb
+
+ROAD, PAVEMENT, CAR, PERSON, CYCLIST = 3, 4, 8, 9, 10  # classes of street-labels
+MOVERS = (CAR, PERSON, CYCLIST)
+FRAME_STEP = 30  # frames a second
+RUN = 9  # frames of a place; every third one is an old photo
+PLACES, THINGS, PASSERS = 12, 5, 8
+MIN_LENGTHS = 3  # steps of a run whose lengths the road shows
+SEEN_IN = (2, 6)  # new photos that show a thing
+HEIGHT_PX = (24, 220)  # in a photo that counts as showing it
+HEIGHT_M = {CAR: 1.9, PERSON: 1.75, CYCLIST: 1.75}
+SIDE_M, AHEAD_M, PASSER_AHEAD_M = (2.5, 7.0), (10.0, 30.0), (7.0, 16.0)
+CUT_PX = {CAR: 2500, PERSON: 700, CYCLIST: 900}  # smallest area of a cut-out
+MIN_SOLIDITY = 0.6  # of its box
+PASSER = 100  # numbers of passers-by in the truth start above
+TRIES = 4000
+CORNER, METRES_A_DEGREE, APART_M = (52.2, 0.12), 111_195.0, 400.0
+GPS_FOLDER, CAMERA_FOLDER = 0x8825, 0x8769
+FIX_M, STEP_M, TURN_DEG = 3.0, 1.0, 2.0  # errors of the noisy variant, standard deviations
+QUALITY = 92
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame of the street photos with its classes."""
+
+    name: str
+    pixels: Rgb
+    labels: Rgb
+
+
+@dataclass(slots=True)
+class Shot:
+    """One photo of the drive: a frame, its camera, and what was pasted into it."""
+
+    name: str
+    when: str
+    place: int
+    taken: str
+    frame: Frame
+    pose: Pose
+    pixels: Rgb
+    truth: Rgb
+
+
+@dataclass(frozen=True, slots=True)
+class CutOut:
+    """Something cut out of a frame: (h, w, 4), of a class."""
+
+    kind: int
+    pixels: Rgb
+    frame: str
+
+
+@dataclass(slots=True)
+class Drive:
+    """A drive and its truth.
+
+    Attributes:
+        shots: Old and new photos.
+        things: Number, place and position of what is new.
+    """
+
+    shots: list[Shot]
+    things: list[dict[str, Any]] = field(default_factory=list)
+
+
+def read_frames(photos: Path, labels: Path) -> list[Frame]:
+    """Read all frames in the order of drive and time."""
+    return [
+        Frame(
+            path.stem,
+            np.asarray(Image.open(path).convert("RGB")),
+            np.asarray(Image.open(labels / f"{path.stem}.png")),
+        )
+        for path in sorted(photos.glob("*.jpg"))
+    ]
+
+
+def find_runs(frames: Sequence[Frame]) -> list[tuple[list[Frame], list[Pose]]]:
+    """Return runs of RUN frames, a second apart each, whose camera's way is known."""
+    steps: list[Step | None] = [
+        motion(a.pixels, b.pixels, a.labels) if _follows(a, b) else None
+        for a, b in zip(frames, frames[1:], strict=False)
+    ]
+    runs, at = [], 0
+    while at + RUN <= len(frames):
+        window = [step for step in steps[at : at + RUN - 1] if step is not None]
+        known = sum(step.length_m is not None for step in window)
+        if len(window) == RUN - 1 and known >= MIN_LENGTHS:
+            runs.append((list(frames[at : at + RUN]), path_of(window)))
+            at += RUN
+        else:
+            at += 1
+    return runs
+
+
+def _follows(a: Frame, b: Frame) -> bool:
+    (drive_a, number_a), (drive_b, number_b) = (_address(one.name) for one in (a, b))
+    return drive_a == drive_b and number_b - number_a == FRAME_STEP
+
+
+def _address(name: str) -> tuple[str, int]:
+    drive, _, number = name.partition("_")
+    return drive, int(re.sub(r"\D", "", number))
+
+
+def cut_outs(frames: Sequence[Frame]) -> Iterator[CutOut]:
+    """Yield movers that are large, whole and compact."""
+    for frame in frames:
+        height, width = frame.labels.shape
+        for kind in MOVERS:
+            found = cv2.connectedComponentsWithStats((frame.labels == kind).astype(np.uint8))
+            _, parts, boxes, _ = found
+            for number, (x, y, w, h, area) in enumerate(boxes.tolist()):
+                inside = x > 1 and y > 1 and x + w < width - 1 and y + h < height - 1
+                if number and inside and area >= max(CUT_PX[kind], MIN_SOLIDITY * w * h):
+                    own = (parts[y : y + h, x : x + w] == number).astype(np.uint8)
+                    pixels = np.dstack([frame.pixels[y : y + h, x : x + w], 255 * own])
+                    yield CutOut(kind, pixels, frame.name)
+
+
+def make_drive(
+    runs: Sequence[tuple[list[Frame], list[Pose]]], cuts: Sequence[CutOut], seed: int
+) -> Drive:
+    """Choose places, paste new things and passers-by; the same seed gives the same drive."""
+    rng = np.random.default_rng(seed)
+    chosen = sorted(rng.permutation(len(runs))[:PLACES])
+    drive = Drive([shot for place, k in enumerate(chosen) for shot in _shots(place, *runs[k])])
+    for place in rng.permutation(PLACES):
+        if len(drive.things) == THINGS:
+            break
+        own = [shot for shot in drive.shots if shot.place == place and shot.when == "new"]
+        thing = _add_thing(len(drive.things) + 1, own, cuts, rng)
+        drive.things += [thing] if thing else []
+    for number in range(PASSERS):
+        when = ("old", "new")[number % 2]
+        of_kind = [shot for shot in drive.shots if shot.when == when]
+        _add_passer(PASSER + number, of_kind, cuts, rng)
+    return drive
+
+
+def _shots(place: int, frames: Sequence[Frame], poses: Sequence[Pose]) -> Iterator[Shot]:
+    for k, (frame, pose) in enumerate(zip(frames, poses, strict=True)):
+        when, year = ("old", 2019) if k % 3 == 1 else ("new", 2026)
+        yield Shot(
+            name=f"p{place:02d}_{k}",
+            when=when,
+            place=place,
+            taken=f"{year}:05:04 10:{place:02d}:{k:02d}",
+            frame=frame,
+            pose=pose,
+            pixels=frame.pixels.copy(),
+            truth=np.zeros(frame.labels.shape, np.uint8),
+        )
+
+
+def _add_thing(
+    number: int, shots: Sequence[Shot], cuts: Sequence[CutOut], rng: np.random.Generator
+) -> dict[str, Any] | None:
+    """Paste a thing into the photos that show its spot; None where no spot was found."""
+    cars = [cut for cut in cuts if cut.kind == CAR]
+    for _ in range(TRIES):
+        cut, shot = cars[rng.integers(len(cars))], shots[rng.integers(len(shots))]
+        spot = _spot(shot.pose, rng.choice((-1, 1)) * rng.uniform(*SIDE_M), rng.uniform(*AHEAD_M))
+        drawn = [(one, paste) for one in shots if (paste := _pasted(one, cut, spot))]
+        free = [_stands_free(one, paste) for one, paste in drawn]
+        if SEEN_IN[0] <= len(drawn) <= SEEN_IN[1] and sum(free) >= len(free) / 2:
+            for one, paste in drawn:
+                paste.into(one, number)
+            latitude, longitude = place_of(shot.place, *spot)
+            return {
+                "thing": number,
+                "place": int(shot.place),
+                "latitude": latitude,
+                "longitude": longitude,
+                "photos": [one.name for one, _ in drawn],
+            }
+    return None  # between walls, or in traffic
+
+
+def _add_passer(
+    number: int, shots: Sequence[Shot], cuts: Sequence[CutOut], rng: np.random.Generator
+) -> None:
+    for _ in range(TRIES):
+        cut, shot = cuts[rng.integers(len(cuts))], shots[rng.integers(len(shots))]
+        spot = _spot(shot.pose, rng.uniform(-SIDE_M[1], SIDE_M[1]), rng.uniform(*PASSER_AHEAD_M))
+        paste = _pasted(shot, cut, spot)
+        if paste and _stands_free(shot, paste) and not shot.truth.any():
+            paste.into(shot, number)
+            return
+    message = f"found no spot for passer-by {number}"
+    raise RuntimeError(message)
+
+
+def _spot(pose: Pose, aside_m: float, ahead_m: float) -> tuple[float, float]:
+    """Return x and z, in the frame of the place, of a spot seen from a camera."""
+    x, _, z = pose.centre_m + pose.rotation.T @ (aside_m, 0.0, ahead_m)
+    return float(x), float(z)
+
+
+@dataclass(frozen=True, slots=True)
+class Paste:
+    """A cut-out as it lies in a photo: its mask and colours in a window."""
+
+    window: tuple[slice, slice]
+    mask: Mask
+    pixels: Rgb
+
+    def into(self, shot: Shot, number: int) -> None:
+        """Paste, with a soft edge of a pixel."""
+        soft = cv2.GaussianBlur(self.mask.astype(np.float32), (3, 3), 0)[..., None]
+        under = shot.pixels[self.window]
+        shot.pixels[self.window] = np.rint(soft * self.pixels + (1 - soft) * under)
+        shot.truth[self.window][self.mask] = number
+
+
+def _pasted(shot: Shot, cut: CutOut, spot: tuple[float, float]) -> Paste | None:
+    """Return how a cut-out at a spot looks in a photo; None if it is hardly in view."""
+    centre = shot.pose.centre_m
+    x_m, _, z_m = shot.pose.rotation @ (spot[0] - centre[0], 0.0, spot[1] - centre[2])
+    if z_m <= 1 or cut.frame == shot.frame.name:
+        return None
+    height, width = shot.truth.shape
+    camera = camera_matrix((height, width))
+    tall = round(camera[0, 0] * HEIGHT_M[cut.kind] / z_m)
+    wide = round(tall * cut.pixels.shape[1] / cut.pixels.shape[0])
+    if not HEIGHT_PX[0] <= tall <= HEIGHT_PX[1]:
+        return None
+    left = round(camera[0, 2] + camera[0, 0] * x_m / z_m - wide / 2)
+    top = round(camera[1, 2] + camera[1, 1] * CAMERA_HEIGHT_M / z_m) - tall
+    if left < 0 or top < 0 or left + wide > width or top + tall > height:
+        return None
+    kind = cv2.INTER_AREA if tall < cut.pixels.shape[0] else cv2.INTER_LINEAR
+    scaled = cv2.resize(cut.pixels, (wide, tall), interpolation=kind)
+    window = slice(top, top + tall), slice(left, left + wide)
+    return Paste(window, scaled[..., 3] > 127, scaled[..., :3])  # noqa: PLR2004 - half
+
+
+def _stands_free(shot: Shot, paste: Paste) -> bool:
+    """Return whether it stands on the ground and hides no mover."""
+    under = shot.frame.labels[paste.window]
+    foot = under[-1, under.shape[1] // 4 : 3 * under.shape[1] // 4 + 1]
+    return bool(
+        np.isin(foot, (ROAD, PAVEMENT)).mean() > 0.5  # noqa: PLR2004 - half
+        and np.isin(under[paste.mask], MOVERS).mean() < 0.1  # noqa: PLR2004 - a tenth
+    )
+
+
+def place_of(place: int, x_m: float, z_m: float) -> tuple[float, float]:
+    """Return latitude and longitude: x is east, z north, places lie in a row eastwards."""
+    east_m = x_m + place * APART_M
+    scale = METRES_A_DEGREE * math.cos(math.radians(CORNER[0]))
+    return CORNER[0] + z_m / METRES_A_DEGREE, CORNER[1] + east_m / scale
+
+
+def write_drive(drive: Drive, folder: Path, variant: str, seed: int) -> None:
+    """Write photos with EXIF, and the truth.
+
+    Args:
+        drive: What was made.
+        folder: Gets old/, new/, truth/ and truth.json.
+        variant: "exact"; "gaps", a tenth of the photos without position and heading; or "noisy",
+            with the errors of a receiver and a compass.
+        seed: Of gaps and errors.
+    """
+    rng = np.random.default_rng([seed, 1])
+    lost = set(rng.permutation(len(drive.shots))[: len(drive.shots) // 10].tolist())
+    shared_m = rng.normal(0, FIX_M, (PLACES, 2, 2))
+    for k, shot in enumerate(drive.shots):
+        for sub in (shot.when, "truth"):
+            (folder / sub).mkdir(parents=True, exist_ok=True)
+        x_m, _, z_m = shot.pose.centre_m
+        heading = math.degrees(shot.pose.heading)
+        if variant == "noisy":
+            x_m, z_m = (x_m, z_m) + rng.normal(0, STEP_M, 2)
+            x_m, z_m = (x_m, z_m) + shared_m[shot.place, int(shot.when == "new")]
+            heading += rng.normal(0, TURN_DEG)
+        notes = Image.Exif()
+        notes[CAMERA_FOLDER] = {0x9003: shot.taken, 0xA405: FOCAL_35MM}
+        if variant != "gaps" or k not in lost:
+            latitude, longitude = place_of(shot.place, float(x_m), float(z_m))
+            notes[GPS_FOLDER] = {
+                **{1: "N", 2: (latitude, 0.0, 0.0), 3: "E", 4: (longitude, 0.0, 0.0)},
+                **{16: "T", 17: heading % 360.0},
+            }
+        path = folder / shot.when / f"{shot.name}.jpg"
+        Image.fromarray(shot.pixels).save(path, quality=QUALITY, exif=notes)
+        Image.fromarray(shot.truth).save(folder / "truth" / f"{shot.name}.png")
+        Image.fromarray(np.isin(shot.frame.labels, MOVERS)).save(
+            folder / "truth" / f"{shot.name}_movers.png"
+        )
+    speeds = [
+        float(np.linalg.norm(b.pose.centre_m - a.pose.centre_m))
+        for a, b in zip(drive.shots, drive.shots[1:], strict=False)
+        if a.place == b.place
+    ]
+    truth = {"things": drive.things, "speed_m_per_s": round(float(np.median(speeds)), 2)}
+    write_json(truth, folder / "truth.json")
+
+
+def read_truth(folder: Path) -> dict[str, Any]:
+    """Read what `write_drive` wrote."""
+    truth: dict[str, Any] = json.loads((folder / "truth.json").read_text())
+    return truth
