@@ -1,25 +1,25 @@
-"""Drives with known truth: frames of street photos, things pasted where they stand, made-up EXIF."""
+"""Drives with known truth: street photos with things pasted where they stand, invented EXIF."""
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from dataclasses import dataclass, field
-from pathlib import Path
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from odometry import CAMERA_HEIGHT_M, FOCAL_35MM, Pose, camera_matrix, motion, path_of
+from odometry import FOCAL_35MM, Pose, camera_matrix, motion, path_of
 from PIL import Image
 
 from zeroscd.output import write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
-    from odometry import Step
+    from odometry import Matrix, Step
 
     from zeroscd.arrays import Mask, Rgb
 
@@ -27,8 +27,9 @@ ROAD, PAVEMENT, CAR, PERSON, CYCLIST = 3, 4, 8, 9, 10  # classes of street-label
 MOVERS = (CAR, PERSON, CYCLIST)
 FRAME_STEP = 30  # frames a second
 RUN = 9  # frames of a place; every third one is an old photo
+VARIANTS = ("noted", "gaps")
 PLACES, THINGS, PASSERS = 12, 5, 8
-MIN_LENGTHS = 3  # steps of a run whose lengths the road shows
+MIN_LENGTHS = 4  # steps of a run whose lengths the road shows
 SEEN_IN = (2, 6)  # new photos that show a thing
 HEIGHT_PX = (24, 220)  # in a photo that counts as showing it
 HEIGHT_M = {CAR: 1.9, PERSON: 1.75, CYCLIST: 1.75}
@@ -104,7 +105,7 @@ def find_runs(frames: Sequence[Frame]) -> list[tuple[list[Frame], list[Pose]]]:
     """Return runs of RUN frames, a second apart each, whose camera's way is known."""
     steps: list[Step | None] = [
         motion(a.pixels, b.pixels, a.labels) if _follows(a, b) else None
-        for a, b in zip(frames, frames[1:], strict=False)
+        for a, b in pairwise(frames)
     ]
     runs, at = [], 0
     while at + RUN <= len(frames):
@@ -185,7 +186,7 @@ def _add_thing(
     cars = [cut for cut in cuts if cut.kind == CAR]
     for _ in range(TRIES):
         cut, shot = cars[rng.integers(len(cars))], shots[rng.integers(len(shots))]
-        spot = _spot(shot.pose, rng.choice((-1, 1)) * rng.uniform(*SIDE_M), rng.uniform(*AHEAD_M))
+        spot = shot.pose.to_place(rng.choice((-1, 1)) * rng.uniform(*SIDE_M), rng.uniform(*AHEAD_M))
         drawn = [(one, paste) for one in shots if (paste := _pasted(one, cut, spot))]
         free = [_stands_free(one, paste) for one, paste in drawn]
         if SEEN_IN[0] <= len(drawn) <= SEEN_IN[1] and sum(free) >= len(free) / 2:
@@ -207,19 +208,13 @@ def _add_passer(
 ) -> None:
     for _ in range(TRIES):
         cut, shot = cuts[rng.integers(len(cuts))], shots[rng.integers(len(shots))]
-        spot = _spot(shot.pose, rng.uniform(-SIDE_M[1], SIDE_M[1]), rng.uniform(*PASSER_AHEAD_M))
+        spot = shot.pose.to_place(rng.uniform(-SIDE_M[1], SIDE_M[1]), rng.uniform(*PASSER_AHEAD_M))
         paste = _pasted(shot, cut, spot)
         if paste and _stands_free(shot, paste) and not shot.truth.any():
             paste.into(shot, number)
             return
     message = f"found no spot for passer-by {number}"
     raise RuntimeError(message)
-
-
-def _spot(pose: Pose, aside_m: float, ahead_m: float) -> tuple[float, float]:
-    """Return x and z, in the frame of the place, of a spot seen from a camera."""
-    x, _, z = pose.centre_m + pose.rotation.T @ (aside_m, 0.0, ahead_m)
-    return float(x), float(z)
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,24 +235,27 @@ class Paste:
 
 def _pasted(shot: Shot, cut: CutOut, spot: tuple[float, float]) -> Paste | None:
     """Return how a cut-out at a spot looks in a photo; None if it is hardly in view."""
-    centre = shot.pose.centre_m
-    x_m, _, z_m = shot.pose.rotation @ (spot[0] - centre[0], 0.0, spot[1] - centre[2])
-    if z_m <= 1 or cut.frame == shot.frame.name:
+    head, foot = (shot.pose.to_camera(*spot, above_m) for above_m in (HEIGHT_M[cut.kind], 0.0))
+    if head[2] <= 1 or cut.frame == shot.frame.name:
         return None
     height, width = shot.truth.shape
-    camera = camera_matrix((height, width))
-    tall = round(camera[0, 0] * HEIGHT_M[cut.kind] / z_m)
+    (middle, top), (_, bottom) = (_projected(one, (height, width)) for one in (head, foot))
+    tall = bottom - top
     wide = round(tall * cut.pixels.shape[1] / cut.pixels.shape[0])
+    left = middle - wide // 2
     if not HEIGHT_PX[0] <= tall <= HEIGHT_PX[1]:
         return None
-    left = round(camera[0, 2] + camera[0, 0] * x_m / z_m - wide / 2)
-    top = round(camera[1, 2] + camera[1, 1] * CAMERA_HEIGHT_M / z_m) - tall
-    if left < 0 or top < 0 or left + wide > width or top + tall > height:
+    if left < 0 or top < 0 or left + wide > width or bottom > height:
         return None
     kind = cv2.INTER_AREA if tall < cut.pixels.shape[0] else cv2.INTER_LINEAR
     scaled = cv2.resize(cut.pixels, (wide, tall), interpolation=kind)
     window = slice(top, top + tall), slice(left, left + wide)
     return Paste(window, scaled[..., 3] > 127, scaled[..., :3])  # noqa: PLR2004 - half
+
+
+def _projected(point_m: Matrix, size_hw: tuple[int, int]) -> tuple[int, int]:
+    x_px, y_px, depth = camera_matrix(size_hw) @ point_m
+    return round(x_px / depth), round(y_px / depth)
 
 
 def _stands_free(shot: Shot, paste: Paste) -> bool:
@@ -278,51 +276,39 @@ def place_of(place: int, x_m: float, z_m: float) -> tuple[float, float]:
 
 
 def write_drive(drive: Drive, folder: Path, variant: str, seed: int) -> None:
-    """Write photos with EXIF, and the truth.
+    """Write photos with EXIF, and the truth; what is there and equal stays as it is.
+
+    Positions and headings have the errors of a receiver and a compass.
 
     Args:
         drive: What was made.
         folder: Gets old/, new/, truth/ and truth.json.
-        variant: "exact"; "gaps", a tenth of the photos without position and heading; or "noisy",
-            with the errors of a receiver and a compass.
+        variant: "noted", or "gaps" where a tenth of the new photos has no position and heading.
         seed: Of gaps and errors.
     """
     rng = np.random.default_rng([seed, 1])
-    lost = set(rng.permutation(len(drive.shots))[: len(drive.shots) // 10].tolist())
+    order = rng.permutation(len(drive.shots)).tolist()
+    new = [k for k in order if drive.shots[k].when == "new"]
+    lost = set(new[: len(new) // 10] if variant == "gaps" else [])
     shared_m = rng.normal(0, FIX_M, (PLACES, 2, 2))
+    for sub in ("old", "new", "truth"):
+        (folder / sub).mkdir(parents=True, exist_ok=True)
     for k, shot in enumerate(drive.shots):
-        for sub in (shot.when, "truth"):
-            (folder / sub).mkdir(parents=True, exist_ok=True)
-        x_m, _, z_m = shot.pose.centre_m
-        heading = math.degrees(shot.pose.heading)
-        if variant == "noisy":
-            x_m, z_m = (x_m, z_m) + rng.normal(0, STEP_M, 2)
-            x_m, z_m = (x_m, z_m) + shared_m[shot.place, int(shot.when == "new")]
-            heading += rng.normal(0, TURN_DEG)
+        step_m = rng.normal(0, STEP_M, 2) + shared_m[shot.place, int(shot.when == "new")]
+        heading_deg = math.degrees(shot.pose.heading) + rng.normal(0, TURN_DEG)
         notes = Image.Exif()
         notes[CAMERA_FOLDER] = {0x9003: shot.taken, 0xA405: FOCAL_35MM}
-        if variant != "gaps" or k not in lost:
-            latitude, longitude = place_of(shot.place, float(x_m), float(z_m))
-            notes[GPS_FOLDER] = {
-                **{1: "N", 2: (latitude, 0.0, 0.0), 3: "E", 4: (longitude, 0.0, 0.0)},
-                **{16: "T", 17: heading % 360.0},
-            }
+        if k not in lost:
+            measured_m = (shot.pose.x_m + step_m[0], shot.pose.z_m + step_m[1])
+            notes[GPS_FOLDER] = _gps(place_of(shot.place, *measured_m), heading_deg % 360.0)
         path = folder / shot.when / f"{shot.name}.jpg"
         Image.fromarray(shot.pixels).save(path, quality=QUALITY, exif=notes)
         Image.fromarray(shot.truth).save(folder / "truth" / f"{shot.name}.png")
-        Image.fromarray(np.isin(shot.frame.labels, MOVERS)).save(
-            folder / "truth" / f"{shot.name}_movers.png"
-        )
-    speeds = [
-        float(np.linalg.norm(b.pose.centre_m - a.pose.centre_m))
-        for a, b in zip(drive.shots, drive.shots[1:], strict=False)
-        if a.place == b.place
-    ]
-    truth = {"things": drive.things, "speed_m_per_s": round(float(np.median(speeds)), 2)}
-    write_json(truth, folder / "truth.json")
+        traffic = Image.fromarray(np.isin(shot.frame.labels, MOVERS))
+        traffic.save(folder / "truth" / f"{shot.name}_movers.png")
+    write_json({"things": drive.things}, folder / "truth.json")
 
 
-def read_truth(folder: Path) -> dict[str, Any]:
-    """Read what `write_drive` wrote."""
-    truth: dict[str, Any] = json.loads((folder / "truth.json").read_text())
-    return truth
+def _gps(place: tuple[float, float], heading_deg: float) -> dict[int, object]:
+    latitude, longitude = ((one, 0.0, 0.0) for one in place)
+    return {1: "N", 2: latitude, 3: "E", 4: longitude, 16: "T", 17: heading_deg}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import cv2
@@ -44,32 +45,36 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A camera in the frame of the first one: x to the right, y down, z ahead.
+    """A camera on the road, in the frame of the first one.
 
     Attributes:
-        rotation: (3, 3), this camera from the first.
-        translation_m: (3,), this camera from the first.
+        x_m: To the right of the first camera's heading.
+        z_m: Ahead of it.
+        heading: From the first one's, clockwise from above, in radians.
+        pitch: How far it looks below the road's direction, in radians.
     """
 
-    rotation: Matrix
-    translation_m: Matrix
+    x_m: float
+    z_m: float
+    heading: float
+    pitch: float
 
-    @property
-    def centre_m(self) -> Matrix:
-        """Where the camera is."""
-        return np.asarray(-self.rotation.T @ self.translation_m)
+    def to_camera(self, x_m: float, z_m: float, above_road_m: float = 0.0) -> Matrix:
+        """Return a point above the road in this camera's frame, (3,): right, down, ahead."""
+        right, ahead = _turned(x_m - self.x_m, z_m - self.z_m, -self.heading)
+        down = CAMERA_HEIGHT_M - above_road_m
+        cos, sin = math.cos(self.pitch), math.sin(self.pitch)
+        return np.array([right, cos * down - sin * ahead, sin * down + cos * ahead])
 
-    @property
-    def heading(self) -> float:
-        """Angle of its axis from the first one's, clockwise from above, in radians."""
-        ahead = self.rotation.T @ (0.0, 0.0, 1.0)
-        return float(np.arctan2(ahead[0], ahead[2]))
+    def to_place(self, right_m: float, ahead_m: float) -> tuple[float, float]:
+        """Return x and z, in the first camera's frame, of a spot seen from this one."""
+        x_m, z_m = _turned(right_m, ahead_m, self.heading)
+        return self.x_m + x_m, self.z_m + z_m
 
-    def followed_by(self, step: Step) -> Pose:
-        """Return the pose after a step."""
-        assert step.length_m is not None
-        translation_m = step.rotation @ self.translation_m + step.direction * step.length_m
-        return Pose(step.rotation @ self.rotation, translation_m)
+
+def _turned(right_m: float, ahead_m: float, heading: float) -> tuple[float, float]:
+    cos, sin = math.cos(heading), math.sin(heading)
+    return cos * right_m + sin * ahead_m, cos * ahead_m - sin * right_m
 
 
 def camera_matrix(size_hw: tuple[int, int]) -> Matrix:
@@ -81,13 +86,32 @@ def camera_matrix(size_hw: tuple[int, int]) -> Matrix:
 
 
 def path_of(steps: Sequence[Step]) -> list[Pose]:
-    """Return the poses along steps, the first at the origin; unknown lengths are the median."""
-    typical_m = float(np.median([one.length_m for one in steps if one.length_m is not None]))
-    poses = [Pose(np.eye(3), np.zeros(3))]
-    for step in steps:
-        known = step if step.length_m is not None else replace(step, length_m=typical_m)
-        poses.append(poses[-1].followed_by(known))
+    """Return the poses along steps, the first at the origin, as of a car on a level road.
+
+    A car's speed changes little within a second: lengths are the median of three neighbours, and
+    unknown ones lie on the line between known ones. It moves along the road, not along the axis of
+    the camera, which says the camera's pitch.
+    """
+    rises = [math.asin(float((one.rotation.T @ one.direction)[1])) for one in steps]
+    pitch = float(np.median(rises))
+    cos, sin = math.cos(pitch), math.sin(pitch)
+    from_road = np.array([[1, 0, 0], [0, cos, -sin], [0, sin, cos]])
+    rotation, centre_m = np.eye(3), np.zeros(3)  # from the first camera; in its frame
+    poses = [Pose(0.0, 0.0, 0.0, pitch)]
+    for step, length_m in zip(steps, _lengths_m(steps), strict=True):
+        rotation = step.rotation @ rotation
+        centre_m = centre_m - length_m * rotation.T @ step.direction
+        x_m, _, z_m = from_road.T @ centre_m
+        ahead = from_road.T @ rotation.T @ from_road @ (0.0, 0.0, 1.0)
+        poses.append(Pose(float(x_m), float(z_m), math.atan2(ahead[0], ahead[2]), pitch))
     return poses
+
+
+def _lengths_m(steps: Sequence[Step]) -> list[float]:
+    known = [k for k, one in enumerate(steps) if one.length_m is not None]
+    lengths_m = [steps[k].length_m for k in known]
+    calm = [float(np.median(lengths_m[max(k - 1, 0) : k + 2])) for k in range(len(known))]
+    return np.interp(range(len(steps)), known, calm).tolist()
 
 
 def motion(frame_a: Rgb, frame_b: Rgb, labels_a: Rgb) -> Step | None:
