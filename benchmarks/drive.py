@@ -17,7 +17,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drive_scene import VARIANTS, cut_outs, find_runs, make_drive, read_frames, write_drive
+from drive_files import VARIANTS, write_drive
+from drive_scene import cut_outs, find_runs, make_drive, read_frames
 from drive_score import Truth, add_up, score
 from pair import commit
 

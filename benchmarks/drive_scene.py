@@ -1,8 +1,7 @@
-"""Drives with known truth: street photos with things pasted where they stand, invented EXIF."""
+"""Drives with known truth: street photos, with things pasted where they stand."""
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -10,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from odometry import FOCAL_35MM, Pose, camera_matrix, motion, path_of
+from drive_files import MOVERS, PLACES, place_of
+from odometry import Pose, camera_matrix, motion, path_of
 from PIL import Image
-
-from zeroscd.output import write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,12 +21,10 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask, Rgb
 
-ROAD, PAVEMENT, CAR, PERSON, CYCLIST = 3, 4, 8, 9, 10  # classes of street-labels
-MOVERS = (CAR, PERSON, CYCLIST)
+ROAD, PAVEMENT, CAR, PERSON, CYCLIST = 3, 4, *MOVERS  # classes of street-labels
 FRAME_STEP = 30  # frames a second
 RUN = 9  # frames of a place; every third one is an old photo
-VARIANTS = ("noted", "gaps")
-PLACES, THINGS, PASSERS = 12, 5, 8
+THINGS, PASSERS = 5, 8
 MIN_LENGTHS = 4  # steps of a run whose lengths the road shows
 SEEN_IN = (2, 6)  # new photos that show a thing
 HEIGHT_PX = (24, 220)  # in a photo that counts as showing it
@@ -38,10 +34,6 @@ CUT_PX = {CAR: 2500, PERSON: 700, CYCLIST: 900}  # smallest area of a cut-out
 MIN_SOLIDITY = 0.6  # of its box
 PASSER = 100  # numbers of passers-by in the truth start above
 TRIES = 4000
-CORNER, METRES_A_DEGREE, APART_M = (52.2, 0.12), 111_195.0, 400.0
-GPS_FOLDER, CAMERA_FOLDER = 0x8825, 0x8769
-FIX_M, STEP_M, TURN_DEG = 3.0, 1.0, 2.0  # errors of the noisy variant, standard deviations
-QUALITY = 92
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +94,7 @@ def read_frames(photos: Path, labels: Path) -> list[Frame]:
 
 
 def find_runs(frames: Sequence[Frame]) -> list[tuple[list[Frame], list[Pose]]]:
-    """Return runs of RUN frames, a second apart each, whose camera's way is known."""
+    """Return runs of RUN frames, a second apart each, whose camera's path is known."""
     steps: list[Step | None] = [
         motion(a.pixels, b.pixels, a.labels) if _follows(a, b) else None
         for a, b in pairwise(frames)
@@ -185,7 +177,7 @@ def _add_thing(
     """Paste a thing into the photos that show its spot; None where no spot was found."""
     cars = [cut for cut in cuts if cut.kind == CAR]
     for _ in range(TRIES):
-        cut, shot = cars[rng.integers(len(cars))], shots[rng.integers(len(shots))]
+        cut, shot = cars[int(rng.integers(len(cars)))], shots[int(rng.integers(len(shots)))]
         spot = shot.pose.to_place(rng.choice((-1, 1)) * rng.uniform(*SIDE_M), rng.uniform(*AHEAD_M))
         drawn = [(one, paste) for one in shots if (paste := _pasted(one, cut, spot))]
         free = [_stands_free(one, paste) for one, paste in drawn]
@@ -207,7 +199,7 @@ def _add_passer(
     number: int, shots: Sequence[Shot], cuts: Sequence[CutOut], rng: np.random.Generator
 ) -> None:
     for _ in range(TRIES):
-        cut, shot = cuts[rng.integers(len(cuts))], shots[rng.integers(len(shots))]
+        cut, shot = cuts[int(rng.integers(len(cuts)))], shots[int(rng.integers(len(shots)))]
         spot = shot.pose.to_place(rng.uniform(-SIDE_M[1], SIDE_M[1]), rng.uniform(*PASSER_AHEAD_M))
         paste = _pasted(shot, cut, spot)
         if paste and _stands_free(shot, paste) and not shot.truth.any():
@@ -248,7 +240,7 @@ def _pasted(shot: Shot, cut: CutOut, spot: tuple[float, float]) -> Paste | None:
     if left < 0 or top < 0 or left + wide > width or bottom > height:
         return None
     kind = cv2.INTER_AREA if tall < cut.pixels.shape[0] else cv2.INTER_LINEAR
-    scaled = cv2.resize(cut.pixels, (wide, tall), interpolation=kind)
+    scaled = cv2.resize(cut.pixels, (wide, tall), interpolation=kind).astype(np.uint8)
     window = slice(top, top + tall), slice(left, left + wide)
     return Paste(window, scaled[..., 3] > 127, scaled[..., :3])  # noqa: PLR2004 - half
 
@@ -266,49 +258,3 @@ def _stands_free(shot: Shot, paste: Paste) -> bool:
         np.isin(foot, (ROAD, PAVEMENT)).mean() > 0.5  # noqa: PLR2004 - half
         and np.isin(under[paste.mask], MOVERS).mean() < 0.1  # noqa: PLR2004 - a tenth
     )
-
-
-def place_of(place: int, x_m: float, z_m: float) -> tuple[float, float]:
-    """Return latitude and longitude: x is east, z north, places lie in a row eastwards."""
-    east_m = x_m + place * APART_M
-    scale = METRES_A_DEGREE * math.cos(math.radians(CORNER[0]))
-    return CORNER[0] + z_m / METRES_A_DEGREE, CORNER[1] + east_m / scale
-
-
-def write_drive(drive: Drive, folder: Path, variant: str, seed: int) -> None:
-    """Write photos with EXIF, and the truth; what is there and equal stays as it is.
-
-    Positions and headings have the errors of a receiver and a compass.
-
-    Args:
-        drive: What was made.
-        folder: Gets old/, new/, truth/ and truth.json.
-        variant: "noted", or "gaps" where a tenth of the new photos has no position and heading.
-        seed: Of gaps and errors.
-    """
-    rng = np.random.default_rng([seed, 1])
-    order = rng.permutation(len(drive.shots)).tolist()
-    new = [k for k in order if drive.shots[k].when == "new"]
-    lost = set(new[: len(new) // 10] if variant == "gaps" else [])
-    shared_m = rng.normal(0, FIX_M, (PLACES, 2, 2))
-    for sub in ("old", "new", "truth"):
-        (folder / sub).mkdir(parents=True, exist_ok=True)
-    for k, shot in enumerate(drive.shots):
-        step_m = rng.normal(0, STEP_M, 2) + shared_m[shot.place, int(shot.when == "new")]
-        heading_deg = math.degrees(shot.pose.heading) + rng.normal(0, TURN_DEG)
-        notes = Image.Exif()
-        notes[CAMERA_FOLDER] = {0x9003: shot.taken, 0xA405: FOCAL_35MM}
-        if k not in lost:
-            measured_m = (shot.pose.x_m + step_m[0], shot.pose.z_m + step_m[1])
-            notes[GPS_FOLDER] = _gps(place_of(shot.place, *measured_m), heading_deg % 360.0)
-        path = folder / shot.when / f"{shot.name}.jpg"
-        Image.fromarray(shot.pixels).save(path, quality=QUALITY, exif=notes)
-        Image.fromarray(shot.truth).save(folder / "truth" / f"{shot.name}.png")
-        traffic = Image.fromarray(np.isin(shot.frame.labels, MOVERS))
-        traffic.save(folder / "truth" / f"{shot.name}_movers.png")
-    write_json({"things": drive.things}, folder / "truth.json")
-
-
-def _gps(place: tuple[float, float], heading_deg: float) -> dict[int, object]:
-    latitude, longitude = ((one, 0.0, 0.0) for one in place)
-    return {1: "N", 2: latitude, 3: "E", 4: longitude, 16: "T", 17: heading_deg}

@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 MIN_SHARE = 0.3  # of a region's pixels, that lie on what it is said to show
 TRAFFIC, OTHER = "traffic", "other"
-SUMS = ("things", "things_detected", "found", "double", "events", "false_passers")
-SUMS += ("false_traffic", "false_other")
+SUMS = (
+    *("things", "things_detected", "found", "double", "events"),
+    *("false_passers", "false_traffic", "false_other"),
+)
 
 
 @dataclass(frozen=True, slots=True)

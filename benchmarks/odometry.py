@@ -1,4 +1,4 @@
-"""The way of a camera through neighbouring frames of a drive, in metres, by visual odometry."""
+"""The path of a camera through neighbouring frames of a drive, in metres, by visual odometry."""
 
 from __future__ import annotations
 
@@ -108,10 +108,10 @@ def path_of(steps: Sequence[Step]) -> list[Pose]:
 
 
 def _lengths_m(steps: Sequence[Step]) -> list[float]:
-    known = [k for k, one in enumerate(steps) if one.length_m is not None]
-    lengths_m = [steps[k].length_m for k in known]
-    calm = [float(np.median(lengths_m[max(k - 1, 0) : k + 2])) for k in range(len(known))]
-    return np.interp(range(len(steps)), known, calm).tolist()
+    known = [(k, one.length_m) for k, one in enumerate(steps) if one.length_m is not None]
+    positions, lengths_m = zip(*known, strict=True)
+    smooth_m = [float(np.median(lengths_m[max(k - 1, 0) : k + 2])) for k in range(len(known))]
+    return [float(one) for one in np.interp(range(len(steps)), positions, smooth_m)]
 
 
 def motion(frame_a: Rgb, frame_b: Rgb, labels_a: Rgb) -> Step | None:
@@ -143,7 +143,9 @@ def motion(frame_a: Rgb, frame_b: Rgb, labels_a: Rgb) -> Step | None:
     length_m = _length_m(points_a, (solid[:3] / solid[3]).T, inliers.ravel() > 0, labels_a)
     if length_m is not None and not STEPS_M[0] <= length_m <= STEPS_M[1]:
         return None
-    return Step(rotation, direction.ravel(), length_m)
+    return Step(
+        np.asarray(rotation, np.float64), np.asarray(direction, np.float64).ravel(), length_m
+    )
 
 
 def _length_m(
@@ -158,7 +160,7 @@ def _length_m(
 
 
 def _matches(frame_a: Rgb, frame_b: Rgb) -> tuple[Matrix, Matrix]:
-    sift = cv2.SIFT_create(contrastThreshold=0.01)
+    sift = cv2.SIFT.create(contrastThreshold=0.01)
     (keys_a, words_a), (keys_b, words_b) = (
         sift.detectAndCompute(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), None)
         for frame in (frame_a, frame_b)

@@ -74,6 +74,12 @@ def test_photos_are_ordered_by_time_where_all_say_it() -> None:
     assert [one.photo for one in read({"a": late, "b": early, "c": photo(None)})] == ["a", "b", "c"]
 
 
+def test_photos_of_several_time_zones_are_ordered_by_the_instant() -> None:
+    late = photo((0.0, 10.0), taken="2026:05:04 23:30:00+00:00")
+    early = photo((0.0, 10.0), taken="2026:05:05 00:10:00+02:00")
+    assert [one.photo for one in read({"a": late, "b": early})] == ["b", "a"]
+
+
 def track(*norths_m: float | None) -> list[Camera]:
     return [
         Camera(str(k), Exif(gps=None if m is None else (50 + m / 111_195, 4.0)))

@@ -21,6 +21,7 @@ FOUND = Event(
     score=0.75,
     sightings=2,
     views=5,
+    missed_by=1,
     best_pair="elm",
     best_region=3,
     best_photo="../new/elm ä.jpg",

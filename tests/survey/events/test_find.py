@@ -125,19 +125,20 @@ def test_one_thing_in_three_photos_is_one_event(drive: Drive, gps: bool) -> None
 
 def test_two_things_are_two_events_the_more_certain_first(drive: Drive) -> None:
     drive.compare(0, THING)
-    drive.compare(1, OTHER, THING)
+    drive.compare(1, (240, 130), THING)  # the first photo ends at 256
     found = drive.events()
     assert [event.regions for event in found] == [(("p0", 1), ("p1", 2)), (("p1", 1),)]
     assert [(event.id, event.sightings) for event in found] == [(1, 2), (2, 1)]
 
 
 def test_added_and_removed_are_never_one_event(drive: Drive) -> None:
-    drive.compare(0, THING)
-    drive.compare(1, THING, kind="removed")
-    assert {(event.kind, event.sightings) for event in drive.events()} == {
-        ("added", 1),
-        ("removed", 1),
-    }
+    for kind in ("added", "removed"):
+        for step in range(2):
+            drive.compare(step, THING, kind=kind)
+    assert [(event.kind, event.sightings) for event in drive.events()] == [
+        ("added", 2),
+        ("removed", 2),
+    ]
 
 
 def test_what_is_gone_was_last_seen_in_the_newest_old_photo(drive: Drive) -> None:
@@ -146,6 +147,15 @@ def test_what_is_gone_was_last_seen_in_the_newest_old_photo(drive: Drive) -> Non
     (found,) = drive.events()
     assert found.photos == ("../old/0.png", "../old/1.png", "../old/2.png")
     assert (found.first_seen, found.last_seen) == ("2020-01-01T00:00:00", "2020-01-01T00:00:02")
+
+
+def test_first_and_last_seen_are_instants_not_clocks(drive: Drive) -> None:
+    days = ("2026-05-05T00:10:00+02:00", "2026-05-04T23:30:00+00:00", "2026-04-30T12:00:00+00:00")
+    for step, taken in enumerate(days):
+        drive.compare(step, THING)
+        drive.pairs[-1]["taken_after"] = taken
+    (found,) = drive.events()
+    assert (found.first_seen, found.last_seen) == (days[2], days[1])
 
 
 def test_pairs_that_share_an_old_photo_agree_in_its_frame(drive: Drive) -> None:
@@ -157,9 +167,38 @@ def test_pairs_that_share_an_old_photo_agree_in_its_frame(drive: Drive) -> None:
     assert found.photos == ("../old/1.png",)
 
 
-def test_without_a_neighbour_nothing_is_encoded(drive: Drive) -> None:
+def test_what_a_photo_of_the_place_does_not_show_is_no_event(drive: Drive) -> None:
     drive.compare(0, THING)
     drive.compare(1)
+    assert drive.events() == []
+
+
+def test_more_photos_that_show_it_than_miss_it_make_an_event(drive: Drive) -> None:
+    for step in range(2):
+        drive.compare(step, THING)
+    drive.compare(2)
+    (found,) = drive.events()
+    assert (found.sightings, found.missed_by) == (2, 1)
+
+
+def test_a_photo_that_shows_only_a_part_of_the_place_misses_nothing(drive: Drive) -> None:
+    drive.compare(0, THING)
+    drive.compare(4)  # 192 px on: the thing's left end is out of view
+    (found,) = drive.events()
+    assert found.missed_by == 0
+
+
+def test_a_photo_that_was_not_aligned_with_its_old_one_misses_nothing(drive: Drive) -> None:
+    drive.compare(0, THING)
+    drive.compare(1)
+    drive.pairs[-1]["not_aligned"] = "few inliers"
+    (found,) = drive.events()
+    assert found.missed_by == 0
+
+
+def test_without_a_neighbour_nothing_is_encoded(drive: Drive) -> None:
+    drive.compare(0, THING)
+    drive.compare(9)
     assert len(drive.events(Options(detector=lambda: pytest.fail("encoded a photo")))) == 1
 
 

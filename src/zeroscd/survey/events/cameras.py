@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import ImageError
@@ -45,13 +46,24 @@ def read_cameras(photos: Iterable[str], fetch: Callable[[str], bytes]) -> list[C
     """
     cameras = [Camera(photo, exif, exif.heading_deg) for photo, exif in _noted(photos, fetch)]
     if all(camera.exif.taken for camera in cameras):
-        cameras.sort(key=lambda camera: camera.exif.taken or "")
+        cameras.sort(key=lambda camera: instant(camera.exif.taken or ""))
     return [
         camera
         if camera.heading_deg is not None
         else replace(camera, heading_deg=_track_heading(cameras, k))
         for k, camera in enumerate(cameras)
     ]
+
+
+def instant(taken: str) -> datetime:
+    """Return an ISO 8601 time in UTC, for sorting; without an offset it counts as UTC.
+
+    Example:
+        >>> instant("2026-05-05T00:10:00+02:00") < instant("2026-05-04T23:30:00+00:00")
+        True
+    """
+    time = datetime.fromisoformat(taken)
+    return time if time.tzinfo else time.replace(tzinfo=UTC)
 
 
 def _noted(photos: Iterable[str], fetch: Callable[[str], bytes]) -> Iterable[tuple[str, Exif]]:

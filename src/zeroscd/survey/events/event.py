@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from zeroscd.survey.events.cameras import instant
 from zeroscd.survey.events.sightings import best_first
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ class Event:
             several do not make it more certain in a way that could be calculated.
         sightings: Number of compared pairs that show it.
         views: Number of comparisons that show its place, several for each pair with several views.
+        missed_by: Number of photos that look at its place and were found to show no such change.
         best_pair: Pair of its best region: not at the border, of the highest score, the largest.
         best_region: Number of that region in the pair.
         best_photo: Path or address of the photo that shows it, as in `pairs.parquet`.
@@ -47,6 +49,7 @@ class Event:
     score: float
     sightings: int
     views: int
+    missed_by: int
     best_pair: str
     best_region: int
     best_photo: str
@@ -61,25 +64,29 @@ class Event:
     review: Review | None = None
 
 
-def make_event(number: int, sightings: Sequence[Sighting], located: Located) -> Event:
+def make_event(
+    number: int, sightings: Sequence[Sighting], missed_by: int, located: Located
+) -> Event:
     """Sum up the sightings of one thing, at least one.
 
     Args:
         number: The event's id.
         sightings: In the order of the tables.
+        missed_by: Number of photos that look at its place in vain.
         located: Where it is.
     """
     best = best_first(sightings)[0]
     seen_by: dict[str, int] = {}
     for one in sightings:  # parts of one thing are seen by the same views
         seen_by[one.pair] = max(one.seen_by, seen_by.get(one.pair, 0))
-    times = sorted(one.taken for one in sightings if one.taken is not None)
+    times = sorted({one.taken for one in sightings if one.taken is not None}, key=instant)
     return Event(
         id=number,
         kind=best.kind,
         score=max(one.score for one in sightings),
         sightings=len(seen_by),
         views=sum(seen_by.values()),
+        missed_by=missed_by,
         best_pair=best.pair,
         best_region=best.region,
         best_photo=best.photo,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from zeroscd.alignment.align import align
+from zeroscd.alignment.homography import invert
 from zeroscd.cache import ExpiringCache
 from zeroscd.errors import ImageError
 from zeroscd.images.read import read_photo
@@ -32,6 +33,7 @@ class PhotoFeatures:
         self._detector: Detector | None = None
         self._fetch = fetch
         self._unreadable: set[str] = set()
+        self._aligned: dict[tuple[str, str], Homography | None] = {}
         self._encoded: ExpiringCache[EncodedPhoto] = ExpiringCache(
             options.cache_bytes, size_of=lambda photo: photo.size_bytes, keep_newest=True
         )
@@ -51,13 +53,24 @@ class PhotoFeatures:
             self._encoded.put(known, photo)
         return known
 
-    def align(self, photo_a: EncodedPhoto, photo_b: EncodedPhoto) -> Homography | None:
-        """Return b_from_a; None where the photos cannot be aligned."""
+    def align(self, photo_a: str, photo_b: str) -> Homography | None:
+        """Return b_from_a; None where the photos cannot be aligned or one can no longer be read."""
+        if (photo_b, photo_a) in self._aligned:
+            a_from_b = self._aligned[photo_b, photo_a]
+            return None if a_from_b is None else invert(a_from_b)
+        if (photo_a, photo_b) not in self._aligned:
+            self._aligned[photo_a, photo_b] = self._align(photo_a, photo_b)
+        return self._aligned[photo_a, photo_b]
+
+    def _align(self, photo_a: str, photo_b: str) -> Homography | None:
+        encoded_a, encoded_b = self.encode(photo_a), self.encode(photo_b)
+        if encoded_a is None or encoded_b is None:
+            return None
         found = align(
-            photo_a.maps,
-            photo_b.maps,
+            encoded_a.maps,
+            encoded_b.maps,
             self._loaded().settings.align,
-            sizes_hw=(photo_a.size_hw, photo_b.size_hw),
+            sizes_hw=(encoded_a.size_hw, encoded_b.size_hw),
         )
         return found.t1_from_t0 if isinstance(found, Alignment) else None
 

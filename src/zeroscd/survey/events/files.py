@@ -33,6 +33,7 @@ def events_schema() -> pa.Schema:
             "score": pa.float64(),
             "sightings": pa.int32(),
             "views": pa.int32(),
+            "missed_by": pa.int32(),
             "best_pair": pa.string(),
             "best_region": pa.int32(),
             "best_photo": pa.string(),

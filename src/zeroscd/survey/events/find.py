@@ -17,6 +17,7 @@ from zeroscd.survey.events.linking import Appearance, link
 from zeroscd.survey.events.neighbours import neighbours
 from zeroscd.survey.events.position import locate
 from zeroscd.survey.events.sightings import read_sightings
+from zeroscd.survey.events.witnesses import Witnesses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -35,8 +36,9 @@ KINDS = ("added", "removed")
 def find_events(folder: Path, options: Options) -> list[Event]:
     """Group the regions of a survey into events, the most certain first.
 
-    Only photos that show a change and have such a neighbour are encoded, each once while the
-    memory that the options allow suffices.
+    What as many photos miss as show is no event: what stands there is seen by whoever looks. Only
+    photos that show a change, and their neighbours, are encoded, each once while the memory that
+    the options allow suffices.
 
     Args:
         folder: Holds `pairs.parquet` and `changes.parquet`.
@@ -56,11 +58,14 @@ def find_events(folder: Path, options: Options) -> list[Event]:
         ordered = read_cameras(photos, fetch)
         cameras = {camera.photo: camera for camera in ordered}
         bonds = _bonds(sightings, ordered, features)
+        witnesses = Witnesses(ordered, survey.aligned, features)
         for group in cluster([one.pair for one in sightings], bonds):
             members = [sightings[k] for k in group]
-            found.append((members, locate(members, cameras)))
+            missed_by = witnesses.missing(members)
+            if len({one.photo for one in members}) > missed_by:
+                found.append((members, missed_by, locate(members, cameras)))
     found.sort(key=lambda one: (-max(s.score for s in one[0]), -len(one[0])))
-    return [make_event(k, members, located) for k, (members, located) in enumerate(found, 1)]
+    return [make_event(k, *each) for k, each in enumerate(found, 1)]
 
 
 def _bonds(
@@ -75,12 +80,10 @@ def _bonds(
         for a, b in combinations(groups.values(), 2):
             yield from _bonds_between(a, b, shown, np.eye(3))
     for photo_a, photo_b in neighbours(cameras, of_photo):
-        encoded_a, encoded_b = features.encode(photo_a), features.encode(photo_b)
-        if encoded_a is None or encoded_b is None:
-            continue
-        b_from_a = features.align(encoded_a, encoded_b)
+        b_from_a = features.align(photo_a, photo_b)
         if b_from_a is None:
             continue
+        encoded_a, encoded_b = features.encode(photo_a), features.encode(photo_b)
         groups_a, groups_b = of_photo[photo_a], of_photo[photo_b]
         shown = _appearances(sightings, groups_a, encoded_a)
         shown |= _appearances(sightings, groups_b, encoded_b)

@@ -61,21 +61,28 @@ class Survey:
         sightings: In the order of the tables.
         new_photos: The compared new photos, in that order.
         old_photos: The same of the old photos.
+        aligned: Those of both that could be aligned with what they were compared with.
     """
 
     sightings: tuple[Sighting, ...]
     new_photos: tuple[str, ...]
     old_photos: tuple[str, ...]
+    aligned: frozenset[str]
 
 
 def read_sightings(folder: Path) -> Survey:
     """Read both tables of a survey; what they hold beyond that is not kept in memory."""
     sightings, new_photos, old_photos = [], [], []
+    aligned: set[str] = set()
     for compared in read_compared_pairs(folder):
         new_photos.append(str(compared.pair["after"]))
         old_photos.append(str(compared.pair["before"]))
+        if compared.pair["not_aligned"] is None:
+            aligned |= {new_photos[-1], old_photos[-1]}
         sightings += [_sighting(change, compared.pair) for change in compared.changes]
-    return Survey(tuple(sightings), tuple(new_photos), tuple(sorted(set(old_photos))))
+    return Survey(
+        tuple(sightings), tuple(new_photos), tuple(sorted(set(old_photos))), frozenset(aligned)
+    )
 
 
 def best_first(sightings: Iterable[Sighting]) -> list[Sighting]:
