@@ -4,16 +4,16 @@
 
 DATA has street-photos and street-labels. Each seed is a drive past 12 places with 5 new things
 and 8 passers-by, made by drive_scene.py. It is surveyed, and again with a tenth of the new photos
-without position and heading ("gaps"). Given again, the command continues. Photos stay in OUT;
-figures go to OUT/drive.json, which benchmarks/README.md describes.
+without position and heading ("gaps"). What is done is not done again. Photos stay in OUT; figures
+go to OUT/drive.json, which benchmarks/README.md describes.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,29 +41,38 @@ def main() -> None:
     options = parser.parse_args()
     frames = read_frames(options.data / "street-photos", options.data / "street-labels")
     runs, cuts = find_runs(frames), list(cut_outs(frames))
-    scored: dict[str, list[dict[str, Any]]] = {variant: [] for variant in options.variants}
     for seed in options.seeds:
         drive = make_drive(runs, cuts, seed)
         for variant in options.variants:
             folder = options.out / f"{seed}"
-            seconds = run(drive, folder, (variant, seed), options.survey.split())
-            scored[variant].append(score(folder / "changes", Truth.read(folder)))
-            scored[variant][-1].update(seed=seed, survey_seconds=round(seconds, 1))
-    figures = {variant: {**add_up(each), "drives": each} for variant, each in scored.items()}
-    content = {"schema": 1, "name": "drive", "commit": commit(), "survey": options.survey}
-    write_json({**content, "variants": figures}, options.out / "drive.json")
+            if not (folder / f"{variant}.json").exists():
+                survey(drive, folder, (variant, seed), options.survey.split())
+                found = score(folder / "changes", Truth.read(folder))
+                write_json({"seed": seed, "commit": commit(), **found}, folder / f"{variant}.json")
+    figures = {
+        variant: add_up(
+            [read_json(options.out / f"{k}" / f"{variant}.json") for k in options.seeds]
+        )
+        for variant in options.variants
+    }
+    content = {"schema": 1, "name": "drive", "survey": options.survey, "variants": figures}
+    write_json(content, options.out / "drive.json")
     print(table(figures))
 
 
-def run(drive: Drive, folder: Path, variant: tuple[str, int], options: Sequence[str]) -> float:
-    """Write a drive and survey it by the command line; return the seconds of the survey."""
+def read_json(path: Path) -> dict[str, Any]:
+    """Read the figures of one survey."""
+    found: dict[str, Any] = json.loads(path.read_text())
+    return found
+
+
+def survey(drive: Drive, folder: Path, variant: tuple[str, int], options: Sequence[str]) -> None:
+    """Write a drive and survey it by the command line."""
     write_drive(drive, folder, *variant)
-    places = str(folder / "places")
+    places, changes = str(folder / "places"), str(folder / "changes")
     _zeroscd("index", "build", str(folder / "old"), "-o", places)  # known ones are not read again
-    began = time.perf_counter()
-    new, changes = str(folder / "new"), str(folder / "changes")
+    new = str(folder / "new")
     _zeroscd("survey", new, "--places", places, "-o", changes, "--write", "none", *options)
-    return time.perf_counter() - began
 
 
 def _zeroscd(*words: str) -> None:

@@ -128,4 +128,4 @@ def add_up(drives: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         total[f"{position}_median_m"] = round(float(np.median(errors_m)), 1) if own else None
         total[f"{position}_max_m"] = round(max(errors_m), 1) if own else None
         total[f"{position}_within"] = sum(one["error_m"] <= one["uncertainty_m"] for one in own)
-    return total
+    return {**total, "drives": list(drives)}
