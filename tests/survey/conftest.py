@@ -150,6 +150,7 @@ def make_event(number: int = 1, **values: Any) -> Event:
             "score": 0.5,
             "sightings": 1,
             "views": 1,
+            "missed_by": 0,
             "best_pair": pair,
             "best_region": region,
             "best_photo": "new/elm.jpg",
