@@ -227,3 +227,51 @@ def test_a_file_that_is_no_database_is_refused_in_one_line(path: Path) -> None:
     path.write_bytes(b"not a database" * 100)
     with pytest.raises(OutputError, match="choose another --state"):
         JobStore(path)
+
+
+SEVERAL = PhotoPair(b"b0", b"a0", (b"b1", b"b2"), (b"a1",))
+
+
+def rows(path: Path) -> int:
+    with closing(sqlite3.connect(path)) as database:
+        return int(database.execute("SELECT count(*) FROM further_photos").fetchone()[0])
+
+
+def test_further_photos_survive_a_crash_and_keep_their_side_and_order(path: Path) -> None:
+    JobStore(path).add([PAIRS[0], SEVERAL, PAIRS[1]], preset="lite", values={})  # never closed
+    again = JobStore(path)
+    assert again.recover() == 3
+    taken = [again.claim() for _ in range(3)]
+    assert [work and work.photos for work in taken] == [PAIRS[0], SEVERAL, PAIRS[1]]
+
+
+@pytest.mark.parametrize("end", ["finish", "fail", "remove", "expire"])
+def test_further_photos_are_deleted_with_the_others(path: Path, end: str) -> None:
+    now = 1000.0
+    store = JobStore(path, clock=lambda: now)
+    job = store.add([SEVERAL, SEVERAL], preset="lite", values={}).id
+    work = store.claim()
+    assert work is not None
+    assert rows(path) == 6
+    if end == "finish":
+        store.finish(work, Finished(b"{}", b"png"))
+    elif end == "fail":
+        store.fail(work, "damaged")
+    elif end == "remove":
+        store.remove(job)
+    else:
+        now = 2000.0
+        store.expire(seconds=600)
+    assert rows(path) == (3 if end in {"finish", "fail"} else 0)
+
+
+def test_a_further_photo_that_is_no_longer_bytes_fails_its_pair_alone(path: Path) -> None:
+    store = JobStore(path)
+    job = store.add([SEVERAL, PAIRS[1]], preset="lite", values={}).id
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("UPDATE further_photos SET photo = 7 WHERE side = 'after'")
+    work = store.claim()
+    assert work is not None
+    assert work.photos == PAIRS[1]
+    assert statuses(store, job) == ["failed", "running"]
+    assert rows(path) == 0

@@ -5,6 +5,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 
 from zeroscd.serve import job_runner
 from zeroscd.serve.job_store import JobStore
@@ -175,3 +176,45 @@ def test_a_full_disk_refuses_new_jobs_and_old_ones_go_on_later(
     assert (refused.status_code, "retry-after" in refused.headers) == (507, True)
     full[0] = False
     assert finished(served.client, second)["pairs"][0]["status"] == "done"
+
+
+def test_a_pair_of_a_job_may_have_several_photos_on_a_side(
+    served: Any, pair: Any, png_of: Any
+) -> None:
+    other = png_of(pair.scene.before ^ 1)
+    sent = [("before", pair.before), ("before", other), ("before", pair.before)]
+    sent += [("after", pair.after), ("after", pair.after)]
+    files = [(name, ("x.png", data, "image/png")) for name, data in sent]
+    numbers = {"before_of": ["1", "1", "0"], "after_of": ["0", "1"]}
+    job = finished(
+        served.client, served.client.post("/v1/jobs", files=files, data=numbers).json()["id"]
+    )
+    one, several = (served.client.get(entry["result"]).json() for entry in job["pairs"])
+    single = served.client.post("/v1/detect", files=pair.files()).json()
+    assert {**one, "seconds": 0} == {**single, "seconds": 0}
+    (further,) = several["further_photos"]
+    assert (further["side"], further["left_out"]) == ("before", None)
+    assert {(region["seen_by"], region["agreed_by"]) for region in several["regions"]} == {(2, 2)}
+    files = [*pair.files().items(), ("before", ("b.png", other, "image/png"))]
+    again = served.client.post("/v1/detect", files=files).json()
+    assert {**several, "seconds": 0} == {**again, "seconds": 0}
+
+
+@pytest.mark.parametrize(
+    ("before_of", "after_of", "reason"),
+    [
+        (["0"], ["0", "1"], "2 photos before and 1 numbers in before_of"),
+        (["0", "0"], ["0", "1"], "each pair 0, 1, 2, ... needs a photo before and one after"),
+        (["0", "2"], ["0", "2"], "each pair 0, 1, 2, ... needs a photo before and one after"),
+        (["0", "-1"], ["0", "1"], "each pair 0, 1, 2, ... needs a photo before and one after"),
+        (["0", "0"], [], "each pair 0, 1, 2, ... needs a photo before and one after"),
+        (["0", "one"], ["0", "1"], "before_of"),
+    ],
+)
+def test_photos_that_belong_to_no_whole_pair_are_refused(
+    served: Any, pair: Any, before_of: list[str], after_of: list[str], reason: str
+) -> None:
+    numbers = {"before_of": before_of, "after_of": after_of}
+    refused = served.client.post("/v1/jobs", files=form(pair, 2), data=numbers)
+    assert refused.status_code == 422
+    assert reason in refused.json()["detail"]

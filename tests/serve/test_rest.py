@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from zeroscd.export.changes import changes
+from zeroscd.serve.limits import Limits
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +36,42 @@ def test_the_answer_is_what_the_detector_finds(served: Any, pair: Any) -> None:
     assert set(found.pop("seconds")) == set(expected.pop("seconds"))
     assert found == expected
     assert {region["kind"] for region in found["regions"]} == {"removed", "added"}
+
+
+def test_several_photos_of_a_side_give_what_the_detector_finds_in_them(
+    served: Any, pair: Any, png_of: Any
+) -> None:
+    old = [pair.scene.before, pair.scene.before ^ 1, np.zeros_like(pair.scene.before)]
+    files = [("before", ("b.png", png_of(pixels), "image/png")) for pixels in old]
+    answer = served.client.post("/v1/detect", files=[*files, ("after", pair.files()["after"])])
+    expected = changes(served.service.detectors["toy"].detect(old, pair.scene.after))
+    found = answer.json()
+    assert [one["left_out"] is None for one in found["further_photos"]] == [True, False]
+    assert {**found, "seconds": 0} == {**expected, "seconds": 0}
+
+
+def test_a_further_photo_that_cannot_be_used_is_named(served: Any, pair: Any) -> None:
+    files = [*pair.files().items(), ("after", ("c.png", pair.after[:999], "image/png"))]
+    answer = served.client.post("/v1/detect", files=files)
+    assert answer.status_code == 422
+    assert "photo 2 after is damaged" in answer.json()["detail"]
+
+
+def test_photos_of_a_pair_have_bounds_together(start: Any, pair: Any) -> None:
+    side = ("before", pair.files()["before"])
+    height, width = pair.scene.before.shape[:2]
+
+    def reason(count: int, limits: Limits) -> str:
+        files = [*[side] * count, ("after", pair.files()["after"])]
+        answer = start(limits).client.post("/v1/detect", files=files)
+        return str(answer.json()["detail"]) if answer.status_code == 422 else "none"
+
+    few = Limits(pair_photos=3)
+    assert reason(2, few) == "none"
+    assert reason(3, few) == "4 photos of a pair; send at most 3"
+    small = Limits(photo_pixels=width * height)
+    assert reason(1, small) == "none"
+    assert "million pixels together, more than" in reason(2, small)
 
 
 def test_the_mask_comes_as_a_picture_for_whoever_asks(served: Any, pair: Any, iou: Any) -> None:

@@ -5,25 +5,27 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING, Annotated
 
-from fastapi import APIRouter, File, Path, Request, Response, UploadFile, status
+from fastapi import APIRouter, Path, Request, Response, status
 
 from zeroscd.export.summary import summary
 from zeroscd.serve.comparison_files import DOWNLOADS, FILES, render
 from zeroscd.serve.forms import (
-    PHOTO,
     UPLOAD_PROBLEMS,
+    After,
+    Before,
     Frame,
     Preset,
     Sensitivity,
     SettingsText,
     check_pair,
+    read_sides,
 )
 from zeroscd.serve.media import media_type
 from zeroscd.serve.middleware import BODY
 from zeroscd.serve.problems import Kind, Problem, described
 from zeroscd.serve.schemas import ComparisonShown, ResultShown
 from zeroscd.serve.sensitivity import threshold_at
-from zeroscd.serve.service import PhotoPair, Service, parse_values
+from zeroscd.serve.service import Service, parse_values
 from zeroscd.serve.worker import CancelToken
 
 if TYPE_CHECKING:
@@ -57,8 +59,8 @@ def _add_comparisons(routes: APIRouter, service: Service, comparisons: Compariso
     async def start(  # noqa: PLR0913, PLR0917 - the fields of the form
         http_request: Request,
         response: Response,
-        before: Annotated[UploadFile, File(description=f"The earlier photo: {PHOTO}")],
-        after: Annotated[UploadFile, File(description=f"The later photo: {PHOTO}")],
+        before: Before,
+        after: After,
         preset: Preset = None,
         frame: Frame = None,
         sensitivity: Sensitivity = None,
@@ -66,7 +68,7 @@ def _add_comparisons(routes: APIRouter, service: Service, comparisons: Compariso
     ) -> ComparisonShown:
         """Queue a pair and return at once; ask for its status, then move its thresholds."""
         request = _request(service, preset, sensitivity, parse_values(settings, frame))
-        photos = PhotoPair(await before.read(), await after.read())
+        photos = await read_sides(before, after)
         await check_pair(photos, service)
         name, comparison = comparisons.start(photos, request)
         comparisons.when_done(name, http_request.scope[BODY].hold())

@@ -5,16 +5,24 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fastapi import Form, Header
+from fastapi import File, Form, Header, UploadFile
 
+from zeroscd.serve.limits import MEGA
 from zeroscd.serve.media import JSON, PNG
 from zeroscd.serve.photos import check_photo
+from zeroscd.serve.problems import Kind, Problem
 from zeroscd.serve.schemas import Changes, FrameName
+from zeroscd.serve.service import PhotoPair
 
 if TYPE_CHECKING:
-    from zeroscd.serve.service import PhotoPair, Service
+    from collections.abc import Sequence
+
+    from zeroscd.serve.service import Service
 
 PHOTO = "JPEG, PNG or WebP; the file name is ignored."
+FURTHER = "More photos of the place may follow; results are in the frame of the first."
+Before = Annotated[list[UploadFile], File(description=f"The earlier photo: {PHOTO} {FURTHER}")]
+After = Annotated[list[UploadFile], File(description=f"The later photo: {PHOTO} {FURTHER}")]
 Preset = Annotated[str | None, Form(description="One of GET /v1/presets.", examples=["lite"])]
 Frame = Annotated[
     FrameName | None, Form(description="Whose pixels the mask has: t0 is the photo before.")
@@ -46,7 +54,7 @@ RESULT: dict[str, Any] = {
 
 
 async def check_pair(photos: PhotoPair, service: Service, *, number: int | None = None) -> None:
-    """Check both files before anything is decoded, outside the event loop.
+    """Check all files before anything is decoded, outside the event loop.
 
     Args:
         photos: As they were sent.
@@ -54,10 +62,28 @@ async def check_pair(photos: PhotoPair, service: Service, *, number: int | None 
         number: Of the pair, where there are several.
 
     Raises:
-        Problem: One cannot be used.
+        Problem: There are too many, or one cannot be used.
         ImageError: One is damaged.
     """
     of_pair = "" if number is None else f" of pair {number}"
-    for when, data in (("before", photos.before), ("after", photos.after)):
-        name = f"the photo {when}{of_pair}"
-        await service.read_header(partial(check_photo, data, name=name, limits=service.limits))
+    most, photos_sent = service.limits.pair_photos, photos.named()
+    if len(photos_sent) > most:
+        message = f"{len(photos_sent)} photos{of_pair or ' of a pair'}; send at most {most}"
+        raise Problem(Kind.BAD_FIELDS, message)
+    pixels = 0
+    for name, data in photos_sent:
+        check = partial(check_photo, data, name=f"{name}{of_pair}", limits=service.limits)
+        width, height = await service.read_header(check)
+        pixels += width * height
+    most = 2 * service.limits.photo_pixels  # as two of the largest
+    if pixels > most:
+        message = (
+            f"the photos{of_pair} have {pixels / MEGA:.0f} million pixels together, more than "
+            f"{most / MEGA:.0f} million; scale them"
+        )
+        raise Problem(Kind.BAD_PHOTO, message)
+
+
+async def read_sides(before: Sequence[UploadFile], after: Sequence[UploadFile]) -> PhotoPair:
+    """Read the files of a pair, the first photo of each side first."""
+    return PhotoPair.of([await one.read() for one in before], [await one.read() for one in after])

@@ -6,7 +6,7 @@ import asyncio
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated
 
-from fastapi import APIRouter, File, Path, Request, Response, UploadFile, status
+from fastapi import APIRouter, File, Form, Path, Request, Response, UploadFile, status
 
 from zeroscd.serve.forms import (
     PHOTO,
@@ -16,17 +16,15 @@ from zeroscd.serve.forms import (
     Frame,
     Preset,
     SettingsText,
-    check_pair,
 )
 from zeroscd.serve.job_store import UNFINISHED, JobStore
+from zeroscd.serve.job_upload import check_pairs, group_pairs, read_pairs
 from zeroscd.serve.media import JSON, PNG, preferred
 from zeroscd.serve.problems import Kind, Problem, described
 from zeroscd.serve.schemas import JobShown, PairShown
-from zeroscd.serve.service import PhotoPair, Service, parse_values
+from zeroscd.serve.service import Service, parse_values
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from zeroscd.serve.job_records import JobStatus
     from zeroscd.serve.job_runner import JobRunner
 
@@ -34,6 +32,14 @@ RETRY_SECONDS = "60"
 MAX_NUMBER = 1_000_000
 JobName = Annotated[str, Path(description="As POST /v1/jobs returned it.", max_length=64)]
 
+PairNumbers = Annotated[
+    list[int] | None,
+    Form(
+        description="Where a pair has several photos on a side: the pair of each photo of that "
+        "side, counted from 0, as often as there are photos; the first one gives the frame.",
+        examples=[[0, 0, 1]],
+    ),
+]
 PairNumber = Annotated[int, Path(description="Counted from 0.", ge=0, le=MAX_NUMBER)]
 
 
@@ -60,6 +66,8 @@ def _add_sending(routes: APIRouter, service: Service, store: JobStore, runner: J
         response: Response,
         before: Annotated[list[UploadFile], File(description=f"The earlier photos: {PHOTO}")],
         after: Annotated[list[UploadFile], File(description="The later photos, in that order.")],
+        before_of: PairNumbers = None,
+        after_of: PairNumbers = None,
         preset: Preset = None,
         frame: Frame = None,
         settings: SettingsText = None,
@@ -67,12 +75,13 @@ def _add_sending(routes: APIRouter, service: Service, store: JobStore, runner: J
         """Queue pairs; once this is answered, not even a crash loses them."""
         values = parse_values(settings, frame)
         request = service.request(preset, values)
-        files = await _checked(before, after, service)
-        size_bytes = sum(each.size or 0 for pair in files for each in pair)
+        files = group_pairs(before, after, before_of=before_of, after_of=after_of)
+        await check_pairs(files, service)
+        size_bytes = sum(each.size or 0 for each in (*before, *after))
         async with adding:
             await asyncio.to_thread(check_room, store, service, len(files), size_bytes)
             job = await asyncio.to_thread(
-                store.add, _read(files), preset=request.preset, values=values
+                store.add, read_pairs(files), preset=request.preset, values=values
             )
         runner.wake()
         response.headers["Location"] = address = _address(http_request, job.id)
@@ -114,31 +123,6 @@ def _add_reading(routes: APIRouter, service: Service, store: JobStore) -> None:
         if found is None:
             raise _why_not(await _found(store, job), number)
         return Response(found.mask if media == PNG else found.changes, media_type=media)
-
-
-async def _checked(
-    before: list[UploadFile], after: list[UploadFile], service: Service
-) -> list[tuple[UploadFile, UploadFile]]:
-    """Check all photos, with one pair in memory at a time."""
-    if len(before) != len(after):
-        message = f"{len(before)} photos before and {len(after)} after; send as many of each"
-        raise Problem(Kind.BAD_FIELDS, message)
-    most = service.limits.job_pairs
-    if len(before) > most:
-        raise Problem(Kind.BAD_FIELDS, f"{len(before)} pairs in one job; send at most {most}")
-    files = list(zip(before, after, strict=True))
-    for number, (one, other) in enumerate(files):
-        photos = PhotoPair(await one.read(), await other.read())
-        await check_pair(photos, service, number=number)
-    return files
-
-
-def _read(files: list[tuple[UploadFile, UploadFile]]) -> Iterator[PhotoPair]:
-    """Read pair by pair; for a thread."""
-    for pair in files:
-        for each in pair:
-            each.file.seek(0)
-        yield PhotoPair(pair[0].file.read(), pair[1].file.read())
 
 
 def check_room(store: JobStore, service: Service, pairs: int, size_bytes: int) -> None:

@@ -30,6 +30,13 @@ CREATE TABLE IF NOT EXISTS pairs (
     status TEXT NOT NULL, tries INTEGER NOT NULL DEFAULT 0, before BLOB, after BLOB,
     changes BLOB, mask BLOB, problem TEXT, PRIMARY KEY (job, number));
 CREATE INDEX IF NOT EXISTS by_status ON pairs (status);
+CREATE TABLE IF NOT EXISTS further_photos (
+    job TEXT NOT NULL, number INTEGER NOT NULL, side TEXT NOT NULL, photo BLOB NOT NULL,
+    FOREIGN KEY (job, number) REFERENCES pairs (job, number) ON DELETE CASCADE);
+CREATE INDEX IF NOT EXISTS by_pair ON further_photos (job, number);
+CREATE TRIGGER IF NOT EXISTS photos_go_together AFTER UPDATE OF before ON pairs
+    WHEN NEW.before IS NULL BEGIN
+    DELETE FROM further_photos WHERE job = NEW.job AND number = NEW.number; END;
 """
 UNFINISHED = ("waiting", "running")
 # What reading a damaged row raises, beside OperationalError: that one is about the whole database.
@@ -76,12 +83,7 @@ class JobStore:
             db.execute(
                 "INSERT INTO jobs VALUES (?, ?, ?, ?)", (job, created, preset, json.dumps(values))
             )
-            count = db.executemany(
-                "INSERT INTO pairs (number, job, status, before, after) "
-                "VALUES (?, ?, 'waiting', ?, ?)",
-                ((number, job, pair.before, pair.after) for number, pair in enumerate(pairs)),
-            ).rowcount
-        waiting = tuple(PairStatus(number, "waiting", None) for number in range(count))
+            waiting = tuple(_insert(db, job, number, pair) for number, pair in enumerate(pairs))
         return JobStatus(job, created, preset, waiting)
 
     def status(self, job: str) -> JobStatus | None:
@@ -207,16 +209,25 @@ class JobStore:
                 "JOIN jobs ON jobs.id = job WHERE pairs.rowid = ?",
                 (row,),
             ).fetchone()
+            further = db.execute(
+                "SELECT side, photo FROM further_photos WHERE job = ? AND number = ? "
+                "ORDER BY rowid",
+                found[:2],
+            ).fetchall()
             db.execute(
                 "UPDATE pairs SET status = 'running', tries = tries + 1 WHERE rowid = ?", (row,)
             )
         job, number, before, after, preset, settings = found
         values = json.loads(settings)
-        if not (
-            isinstance(before, bytes) and isinstance(after, bytes) and isinstance(values, dict)
+        sides = [
+            [first, *(photo for side, photo in further if side == when)]
+            for when, first in (("before", before), ("after", after))
+        ]
+        if not all(isinstance(photo, bytes) for side in sides for photo in side) or not isinstance(
+            values, dict
         ):
             raise TypeError(DAMAGED)
-        return Work(row, job, number, PhotoPair(before, after), preset, values)
+        return Work(row, job, number, PhotoPair.of(*sides), preset, values)
 
     @contextmanager
     def _alone(self, row: int) -> Iterator[None]:
@@ -263,3 +274,15 @@ class JobStore:
                 if self._db.in_transaction:  # SQLite ends it itself when the disk is full
                     self._db.execute("ROLLBACK")
                 raise
+
+
+def _insert(db: sqlite3.Connection, job: str, number: int, pair: PhotoPair) -> PairStatus:
+    db.execute(
+        "INSERT INTO pairs (number, job, status, before, after) VALUES (?, ?, 'waiting', ?, ?)",
+        (number, job, pair.before, pair.after),
+    )
+    db.executemany(
+        "INSERT INTO further_photos VALUES (?, ?, ?, ?)",
+        [(job, number, when, data) for when, side in pair.sides().items() for data in side[1:]],
+    )
+    return PairStatus(number, "waiting", None)

@@ -22,6 +22,7 @@ class Limits:
         waiting: Requests that may wait for the one worker; more get 429.
         upload_seconds: For the whole body of a request to arrive.
         answer_seconds: From the last byte of a request to its answer.
+        pair_photos: Photos of one pair, those before and after together.
         job_pairs: Pairs in one job.
         job_bytes: Photos of one job together.
         stored_pairs: Pairs of all jobs that are kept or wait; more get 429.
@@ -38,6 +39,7 @@ class Limits:
     waiting: int = 16
     upload_seconds: float = 30.0
     answer_seconds: float = 90.0
+    pair_photos: int = 8
     job_pairs: int = 50
     job_bytes: int = 200 * MEGA
     stored_pairs: int = 1000

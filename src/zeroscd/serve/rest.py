@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from fastapi import APIRouter, File, Request, Response, UploadFile
+from fastapi import APIRouter, Request, Response
 
 from zeroscd.export.changes import changes_json
 from zeroscd.export.pictures import png
 from zeroscd.serve.forms import (
-    PHOTO,
     RESULT,
     UPLOAD_PROBLEMS,
     Accept,
+    After,
+    Before,
     Frame,
     Preset,
     SettingsText,
     check_pair,
+    read_sides,
 )
 from zeroscd.serve.media import JSON, PNG, preferred
 from zeroscd.serve.problems import described
@@ -33,8 +33,8 @@ def router(service: Service) -> APIRouter:
     @routes.post("/detect", responses={200: RESULT, **described(*UPLOAD_PROBLEMS, 406, 503)})
     async def detect(  # noqa: PLR0913, PLR0917 - the fields of the form
         http_request: Request,
-        before: Annotated[UploadFile, File(description=f"The earlier photo: {PHOTO}")],
-        after: Annotated[UploadFile, File(description=f"The later photo: {PHOTO}")],
+        before: Before,
+        after: After,
         preset: Preset = None,
         frame: Frame = None,
         settings: SettingsText = None,
@@ -43,7 +43,7 @@ def router(service: Service) -> APIRouter:
         """Find what changed between two photos of the same place."""
         media = preferred(accept)
         request = service.request(preset, parse_values(settings, frame))
-        photos = PhotoPair(await before.read(), await after.read())
+        photos = await read_sides(before, after)
         await check_pair(photos, service)
         cancel_token = CancelToken()
         task = service.worker.submit(

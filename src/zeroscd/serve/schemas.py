@@ -61,6 +61,13 @@ class PhotoSize(BaseModel):
     height: int = Field(ge=1, examples=[640])
 
 
+class FurtherPhotoShown(PhotoSize):
+    """A further photo of the place."""
+
+    side: Literal["before", "after"]
+    left_out: str | None = Field(description="Why it says nothing about the place, or null.")
+
+
 class AlignmentFound(BaseModel):
     """How pixels of one photo map to the other."""
 
@@ -92,6 +99,10 @@ class ChangedRegion(BaseModel):
     frame: FrameName = Field(description="The photo in whose pixels the geometry is given.")
     support: Fraction = Field(description="How well its surroundings support the change.")
     at_border: bool = Field(description="It lies along what the other photo does not show.")
+    seen_by: int = Field(
+        default=1, ge=1, description="Views that show its place, where a side has several photos."
+    )
+    agreed_by: Count = Field(default=1, description="Of them, those that see the change.")
 
 
 class Changes(BaseModel):
@@ -109,6 +120,9 @@ class Changes(BaseModel):
     changed_fraction: Fraction = Field(description="Of what was judged.")
     judged_fraction: Fraction = Field(description="Of the frame's photo: changed or unchanged.")
     regions: list[ChangedRegion]
+    further_photos: list[FurtherPhotoShown] = Field(
+        default=[], description="Beyond the first photo of a side, where there are several."
+    )
     seconds: dict[str, Annotated[float, Field(ge=0)]]
 
 

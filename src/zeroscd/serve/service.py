@@ -17,7 +17,7 @@ from zeroscd.settings import THRESHOLDS, is_threshold
 from zeroscd.timer import StageTimer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from concurrent.futures import Future
 
     from fastapi import Request
@@ -54,10 +54,39 @@ class DetectRequest:
 
 @dataclass(frozen=True, slots=True)
 class PhotoPair:
-    """The bytes of two photos."""
+    """The bytes of two photos of a place, and of further ones.
+
+    Attributes:
+        before: The earlier photo.
+        after: The later photo.
+        also_before: Other earlier photos.
+        also_after: Other later photos.
+    """
 
     before: bytes
     after: bytes
+    also_before: tuple[bytes, ...] = ()
+    also_after: tuple[bytes, ...] = ()
+
+    @classmethod
+    def of(cls, before: Sequence[bytes], after: Sequence[bytes]) -> PhotoPair:
+        """Make one from all photos of each side, the first ones first."""
+        return cls(before[0], after[0], tuple(before[1:]), tuple(after[1:]))
+
+    def sides(self) -> dict[str, tuple[bytes, ...]]:
+        """Return all photos before and all photos after, by these words."""
+        return {
+            "before": (self.before, *self.also_before),
+            "after": (self.after, *self.also_after),
+        }
+
+    def named(self) -> list[tuple[str, bytes]]:
+        """Return each photo with what messages call it, those before first."""
+        return [
+            (f"the photo {when}" if number == 1 else f"photo {number} {when}", data)
+            for when, photos in self.sides().items()
+            for number, data in enumerate(photos, 1)
+        ]
 
 
 class Service:
@@ -116,7 +145,7 @@ class Service:
         cancel_token: CancelToken,
         report: Callable[[Step], None] = lambda _: None,
     ) -> Evidence:
-        """Decode, encode and compare two photos; runs in the worker's thread.
+        """Decode, encode and compare the photos of a place; runs in the worker's thread.
 
         Args:
             photos: Checked by `check_photo`, not decoded yet.
@@ -130,14 +159,15 @@ class Service:
         detector, timer = self.detectors[request.preset], StageTimer()
         report("read")
         with timer.stage("read"):
-            pair = [self._read(photos.before, "before"), self._read(photos.after, "after")]
+            read = [self._read(data, name) for name, data in photos.named()]
         cancel_token.check()
         report("encode")
         with timer.stage("encode"):
-            encoded = detector.encode(pair)
+            encoded = detector.encode(read)
         cancel_token.check()
         report("compare")
-        evidence = detector.compare(*encoded)
+        old = 1 + len(photos.also_before)
+        evidence = detector.compare(encoded[:old], encoded[old:])
         cancel_token.check()
         return replace(evidence, seconds={**timer.seconds, **evidence.seconds})
 
@@ -171,9 +201,9 @@ class Service:
             cancel_token.cancel()
             answer.cancel()
 
-    def _read(self, data: bytes, when: str) -> Rgb:
+    def _read(self, data: bytes, name: str) -> Rgb:
         # The name is for error messages only; results of the server hold no path.
-        return read_photo(data, limits=self.limits.photo, name=f"the photo {when}").pixels
+        return read_photo(data, limits=self.limits.photo, name=name).pixels
 
 
 def parse_values(text: str | None, frame: str | None) -> dict[str, object]:
