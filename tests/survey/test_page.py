@@ -233,7 +233,7 @@ def test_headline_numbers_count_kinds_sightings_and_reviews(card: Callable[..., 
         "added": "1", "removed": "2", "sightings": "5",
         "accepted": "1", "rejected": "1", "unsure": "0", "open": "1",
     }  # fmt: skip
-    assert "3 of the most certain 3 events (9 in events.parquet)" in Reader(text).text
+    assert "3 of the 3 most certain events (9 in events.parquet)" in Reader(text).text
 
 
 def test_a_point_on_the_map_leads_to_its_card(card: Callable[..., Card]) -> None:
