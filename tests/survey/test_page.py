@@ -128,6 +128,8 @@ def test_an_event_shows_both_photos_its_outline_and_how_it_was_found(
     ):
         assert words in read.text
     assert not read.all("details")
+    assert "not in" not in read.text
+    assert "not in 2 other photos of the place" in render_page(content(card(missed_by=2)))
 
 
 def test_an_outline_that_was_carried_looks_different(card: Callable[..., Card]) -> None:
@@ -252,7 +254,7 @@ def test_photos_without_a_match_are_listed_with_the_reason() -> None:
     assert "no old photo within 30 m" in read.text
     assert "Not compared (1)" in read.text
     assert "Without an old photo of the same place: 1" in read.text
-    assert "Nothing changed anywhere." in read.text
+    assert "No events: no photo shows a change" in read.text
 
 
 def test_a_long_list_says_how_many_it_leaves_out(monkeypatch: pytest.MonkeyPatch) -> None:
