@@ -29,7 +29,7 @@ LAYERS = (
     ("encoders", "alignment", "change", "segmenters", "refine", "judge"),
     ("models", "evidence", "pages"),
     ("fingerprint", "export"),
-    ("steps", "result"),
+    ("steps", "result", "saved"),
     ("views",),
     ("detector",),
     ("retrieval",),

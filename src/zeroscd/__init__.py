@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from zeroscd.images.photo import Photo
     from zeroscd.records import Alignment, NotAligned, Region
     from zeroscd.result import ChangeResult
+    from zeroscd.saved import SavedResult, load
     from zeroscd.settings import PRESETS, Settings
 
 __version__ = "0.1.0"
@@ -38,11 +39,13 @@ _HOME = {
     "PRESETS": "settings",
     "Photo": "images.photo",
     "Region": "records",
+    "SavedResult": "saved",
     "Settings": "settings",
     "SettingsError": "errors",
     "WeightsError": "errors",
     "ZeroscdError": "errors",
     "detect": "detector",
+    "load": "saved",
 }
 
 __all__ = [
@@ -56,11 +59,13 @@ __all__ = [
     "OutputError",
     "Photo",
     "Region",
+    "SavedResult",
     "Settings",
     "SettingsError",
     "WeightsError",
     "ZeroscdError",
     "detect",
+    "load",
 ]
 
 

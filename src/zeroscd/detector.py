@@ -6,13 +6,13 @@ import logging
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from zeroscd.alignment.align import align
+from zeroscd.alignment.align import align, blankness
 from zeroscd.alignment.homography import homography_or_resize
 from zeroscd.errors import ImageError
 from zeroscd.evidence import EncodedPhoto, Evidence, Pair
-from zeroscd.images.contrast import is_blank
 from zeroscd.images.read import read_photo
 from zeroscd.models import Models, load_models
+from zeroscd.progress import Silent
 from zeroscd.records import NotAligned, Transients
 from zeroscd.refine.regions import alone_in_its_photo, find_regions
 from zeroscd.renamed import warn_renamed
@@ -33,8 +33,8 @@ from zeroscd.views import join, several, sights
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from zeroscd.images.photo import Photo
     from zeroscd.images.read import PhotoSource
+    from zeroscd.progress import Progress
     from zeroscd.records import Frame
     from zeroscd.settings import Settings
 
@@ -135,6 +135,20 @@ class Detector:
             return result
         return replace(result, transients=tuple(self._transients(*sides)))
 
+    def detect_many(
+        self, pairs: Sequence[tuple[PhotoSource, PhotoSource]], *, progress: Progress | None = None
+    ) -> Iterator[ChangeResult]:
+        """Compare pair after pair; `zeroscd batch` goes on after a crash, and past broken photos.
+
+        Raises:
+            ImageError: A photo cannot be read.
+        """
+        progress = progress or Silent()
+        progress.begin(len(pairs))
+        for number, (before, after) in enumerate(pairs, start=1):
+            yield self.detect(before, after)
+            progress.advance(str(number), reused=False)
+
     def encode(
         self, photos: Sequence[PhotoSource], *, timer: StageTimer | None = None
     ) -> list[EncodedPhoto]:
@@ -186,7 +200,7 @@ class Detector:
     def _pair(self, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto, timer: StageTimer) -> Evidence:
         sizes_hw = (photo_t0.size_hw, photo_t1.size_hw)
         with timer.stage("align"):
-            alignment = _blankness(photo_t0.photo, photo_t1.photo) or align(
+            alignment = blankness(photo_t0.photo, photo_t1.photo) or align(
                 photo_t0.maps, photo_t1.maps, self.settings.align, sizes_hw=sizes_hw
             )
             if isinstance(alignment, NotAligned):
@@ -283,11 +297,3 @@ def _listed(photos: PhotoSource | Sequence[PhotoSource], when: str) -> Sequence[
         message = f"no photo {when}: give one photo of the place or a list of them"
         raise ImageError(message)
     return photos
-
-
-def _blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:
-    for photo, when in ((photo_t0, "before"), (photo_t1, "after")):
-        if is_blank(photo.pixels):
-            reason = f"the photo {when} is blank: there is nothing to align"
-            return NotAligned(reason=reason, inliers=0, matches=0)
-    return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import runpy
 import shutil
 from importlib.resources import files
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from matplotlib import pyplot as plt
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,3 +67,22 @@ def test_own_outlines_mark_the_panes_where_the_dog_came(capsys: pytest.CaptureFi
     # The dog that came looks out around 60 % of the width and height.
     assert (5, 4) in changed
     assert len(changed) < 25
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_from_its_first_cell_to_its_last(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    notebook = json.loads((EXAMPLES / "two_photos.ipynb").read_text())
+    cells = ["".join(one["source"]) for one in notebook["cells"] if one["cell_type"] == "code"]
+    names: dict[str, Any] = {}
+    for cell in cells:
+        exec(compile(cell, "two_photos.ipynb", "exec"), names)  # noqa: S102 - our own
+    plt.close("all")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("<ChangeResult: ")
+    assert {line.split()[1] for line in lines[2:-2]} == {"removed", "added"}
+    assert lines[-2] == "True True"
+    assert "report" in names["result"]._repr_html_()
+    assert all(one["outputs"] == [] for one in notebook["cells"] if one["cell_type"] == "code")

@@ -9,10 +9,12 @@ import numpy as np
 from zeroscd.alignment.guided import PointMatches, guided_match
 from zeroscd.alignment.homography import degeneracy, estimate, invert
 from zeroscd.alignment.matching import match
+from zeroscd.images.contrast import is_blank
 from zeroscd.records import Alignment, NotAligned
 
 if TYPE_CHECKING:
     from zeroscd.alignment.homography import Estimate
+    from zeroscd.images.photo import Photo
     from zeroscd.records import FeatureMap
     from zeroscd.settings import AlignSettings
 
@@ -145,3 +147,12 @@ def _sharpen(
         ):
             found = finer
     return found
+
+
+def blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:
+    """Return why two photos cannot be aligned if one of them shows nothing, else None."""
+    for photo, when in ((photo_t0, "before"), (photo_t1, "after")):
+        if is_blank(photo.pixels):
+            reason = f"the photo {when} is blank: there is nothing to align"
+            return NotAligned(reason=reason, inliers=0, matches=0)
+    return None
