@@ -203,8 +203,9 @@ def _parts(mask: Mask, side: Side, sight: Sight) -> list[Part]:
     parts = []
     for segment in connected_parts(mask):
         seen_by, agreed_by = count_views(segment, sight)
-        support = support_of(measure(segment, judged), _scale(seen_by))
-        parts.append(Part(segment, support, score_of(support), seen_by, agreed_by))
+        scale = _scale(seen_by)
+        support = support_of(measure(segment, judged), scale)
+        parts.append(Part(segment, support, score_of(support, scale), seen_by, agreed_by))
     return parts
 
 
