@@ -173,12 +173,12 @@ def test_what_a_photo_of_the_place_does_not_show_is_no_event(drive: Drive) -> No
     assert drive.events() == []
 
 
-def test_more_photos_that_show_it_than_miss_it_make_an_event(drive: Drive) -> None:
-    for step in range(2):
-        drive.compare(step, THING)
-    drive.compare(2)
-    (found,) = drive.events()
-    assert (found.sightings, found.missed_by) == (2, 1)
+def test_two_photos_that_agree_outweigh_those_that_miss_it(drive: Drive) -> None:
+    for step in range(4):
+        found = (THING,) if step in (1, 2) else ()
+        drive.compare(step, *found)
+    (event,) = drive.events()
+    assert (event.sightings, event.missed_by) == (2, 2)
 
 
 def test_a_photo_that_shows_only_a_part_of_the_place_misses_nothing(drive: Drive) -> None:

@@ -36,9 +36,10 @@ KINDS = ("added", "removed")
 def find_events(folder: Path, options: Options) -> list[Event]:
     """Group the regions of a survey into events, the most certain first.
 
-    What as many photos miss as show is no event: what stands there is seen by whoever looks. Only
-    photos that show a change, and their neighbours, are encoded, each once while the memory that
-    the options allow suffices.
+    What one photo shows and another one misses is no event; two that agree outweigh any that
+    miss it, for comparisons overlook more than they invent twice at one spot. Only photos that show
+    a change, and their neighbours, are encoded, each once while the memory that the options allow
+    suffices.
 
     Args:
         folder: Holds `pairs.parquet` and `changes.parquet`.
@@ -62,7 +63,7 @@ def find_events(folder: Path, options: Options) -> list[Event]:
         for group in cluster([one.pair for one in sightings], bonds):
             members = [sightings[k] for k in group]
             missed_by = witnesses.missing(members)
-            if len({one.photo for one in members}) > missed_by:
+            if len({one.photo for one in members}) > 1 or not missed_by:
                 found.append((members, missed_by, locate(members, cameras)))
     found.sort(key=lambda one: (-max(s.score for s in one[0]), -len(one[0])))
     return [make_event(k, *each) for k, each in enumerate(found, 1)]

@@ -43,7 +43,7 @@ class Witnesses:
     def missing(self, sightings: Sequence[Sighting]) -> int:
         """Count the photos that see the place of a thing, and see it well, without showing it.
 
-        Counting ends when as many miss it as show it: aligning photos is what takes time.
+        Of a thing in one photo, at most one is counted: aligning photos is what takes time.
 
         Args:
             sightings: Of one thing.
@@ -52,10 +52,10 @@ class Witnesses:
         missing: set[str] = set()
         for one in sightings:
             for photo in self._near[one.photo]:
-                if len(missing) == len(shown):
-                    return len(missing)
                 if photo not in shown | missing and self._should_show(photo, one):
                     missing.add(photo)
+                    if len(shown) == 1:
+                        return 1
         return len(missing)
 
     def _should_show(self, photo: str, sighting: Sighting) -> bool:
