@@ -59,7 +59,7 @@ def table() -> str:
 
 def rows(name: str, sets: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of one set, one for each figure that it has."""
-    ours = {step: sets[step].get(name, {}).get("zeroscd", {}) for step in FILES}
+    ours = {step: sets[step][name]["zeroscd"] for step in FILES}
     label, pairs = NAMES[name], f"{ours['likely']['pairs']}"
     for key, (heading, digits) in FIGURES.items():
         if ours["likely"].get(key) is None:
