@@ -3,7 +3,7 @@
     python benchmarks/calibration.py DATA_ROOT [-o benchmarks/results/accuracy/calibration.json]
 
 Keeps every region (judge=all), of single pairs and of several old photos of a place apart, and fits
-the share of regions that overlap a true change as a logistic of their support, over all development
+the share of true regions as a logistic of their support, over all development
 sets as a whole. `scripts/write_accuracy_table.py` writes the table of docs/lite.md from the file.
 """
 
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from zeroscd.result import ChangeResult
 
 SUPPORT_EDGES = (0.0, 0.1, 0.3, 0.5, 0.65, 0.8, 0.9, 1.0)
+TRUE_SHARE = 0.25  # of a region's pixels that truly changed, from which on it counts as true
 STEPS = 50  # of Newton's method, which needs six
 RIDGE = 1e-6
 
@@ -59,7 +60,7 @@ def regions_of(root: Path, *, several: bool) -> Iterator[tuple[float, bool]]:
         for region in result.regions:
             counted = in_frame(region, result, pair.truth) & pair.truth.valid
             if np.count_nonzero(counted) >= FALSE_REGION_PX:
-                yield region.support, bool((counted & pair.truth.changed).any())
+                yield region.support, pair.truth.changed[counted].mean() >= TRUE_SHARE
 
 
 def in_frame(region: Region, result: ChangeResult, truth: Truth) -> Mask:
