@@ -110,6 +110,7 @@ def test_several_views_are_the_verified_ones_that_differ_most_of_all_candidates(
             match("/best.jpg", 0.5, gps=spot),
             match("/frame-later.jpg", 0.4, gps=spot),
             match("/aside.jpg", 0.3, gps=aside),
+            match("/another-street.jpg", 0.35, gps=(52.0036, 4.0)),  # 400 m
             match("/weak.jpg", 0.01, gps=(52.001, 4.0)),
         ]
     )

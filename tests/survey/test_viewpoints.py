@@ -6,7 +6,7 @@ import pytest
 
 from zeroscd.images.exif import Exif
 from zeroscd.retrieval.index import PlaceMatch
-from zeroscd.survey.viewpoints import is_same_view, spread
+from zeroscd.survey.viewpoints import is_same_place, is_same_view, spread
 
 if TYPE_CHECKING:
     from zeroscd.retrieval.rerank import Corners
@@ -52,6 +52,18 @@ def test_day_position_or_homography_tell_two_views_apart(
 ) -> None:
     assert is_same_view(view(), other) is same
     assert is_same_view(other, view()) is same
+
+
+@pytest.mark.parametrize(
+    ("gps", "same"),
+    [((52.0004, 4.0), True), ((52.0005, 4.0), False), (None, True)],  # 44 m, 56 m
+)
+def test_photos_of_one_place_are_not_far_apart(
+    gps: tuple[float, float] | None,
+    same: bool,  # noqa: FBT001 - pytest passes it by name
+) -> None:
+    assert is_same_place(view(), view(gps=gps)) is same
+    assert is_same_place(view(gps=gps), view()) is same
 
 
 def test_near_duplicates_are_taken_only_where_nothing_else_is_left() -> None:

@@ -11,7 +11,7 @@ from zeroscd.images.folder import absolute
 from zeroscd.renamed import renamed_fields
 from zeroscd.retrieval.gps import Nearby
 from zeroscd.retrieval.index import CANDIDATES, RECOGNISED
-from zeroscd.survey.viewpoints import spread
+from zeroscd.survey.viewpoints import is_same_place, spread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -102,7 +102,9 @@ def _apply_rules(new: str, found: Sequence[PlaceMatch], rules: MatchRules) -> Ph
             f"{best.score:.3f} of the {rules.min_score:g} needed"
         )
         return PhotoMatch(new=new, reason=reason)
-    recognised = [match for match in found if match.score >= rules.min_score]
+    recognised = [
+        match for match in found if match.score >= rules.min_score and is_same_place(best, match)
+    ]
     return PhotoMatch(
         new=new,
         old=best.path,

@@ -20,6 +20,8 @@ SAME_VIEW_M = 1.0
 # Of the photo's sides. Two estimates of one view differ by less where many patches match, and a
 # camera that turned by four degrees moved everything by more.
 SAME_VIEW_SHARE = 0.05
+# Farther apart, two photos of a street have little in common, even with the errors of two fixes.
+SAME_PLACE_M = 50.0
 DAY = len("2019-05-01")
 
 
@@ -43,6 +45,11 @@ def spread(matches: Sequence[PlaceMatch], count: int) -> list[PlaceMatch]:
         double = any(is_same_view(match, other) for other in chosen)
         (passed_over if double else chosen).append(match)
     return [*chosen, *passed_over][:count]
+
+
+def is_same_place(a: PlaceMatch, b: PlaceMatch) -> bool:
+    """Return whether two photos may show one place: not if both say where, too far apart."""
+    return not (a.exif.gps and b.exif.gps) or metres(a.exif.gps, b.exif.gps) <= SAME_PLACE_M
 
 
 def is_same_view(a: PlaceMatch, b: PlaceMatch) -> bool:
