@@ -6,6 +6,7 @@ import html
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from zeroscd import records
 from zeroscd.errors import OutputError
 from zeroscd.export.changes import changes
 from zeroscd.export.files import save_result
@@ -13,7 +14,7 @@ from zeroscd.export.overlay import draw_overlay
 from zeroscd.export.report import render_report
 from zeroscd.export.summary import photo_name, summary
 from zeroscd.export.supervision import detections
-from zeroscd.records import Alignment, Changes
+from zeroscd.records import Changes
 from zeroscd.renamed import moved_names
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ class ChangeResult(Changes):
         names = (
             photo_name(one, otherwise="array")[-MAX_NAME:] for one in (self.before, self.after)
         )
-        aligned = "aligned" if isinstance(self.alignment, Alignment) else "not aligned"
+        aligned = "aligned" if isinstance(self.alignment, records.Alignment) else "not aligned"
         return (
             f"<ChangeResult: {summary(self)}\n"
             f" {' -> '.join(names)}, {width} x {height}, frame {self.frame}, "

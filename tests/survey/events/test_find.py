@@ -167,10 +167,13 @@ def test_pairs_that_share_an_old_photo_agree_in_its_frame(drive: Drive) -> None:
     assert found.photos == ("../old/1.png",)
 
 
-def test_what_a_photo_of_the_place_does_not_show_is_no_event(drive: Drive) -> None:
+def test_what_another_photo_of_the_place_does_not_show_comes_last(drive: Drive) -> None:
     drive.compare(0, THING)
-    drive.compare(1)
-    assert drive.events() == []
+    drive.compare(5, (THING[0] + 5 * STEP_PX, THING[1]))  # out of the first one's view
+    drive.compare(6)
+    certain, doubtful = drive.events()
+    assert (certain.missed_by, doubtful.missed_by) == (0, 1)
+    assert doubtful.score > certain.score
 
 
 def test_two_photos_that_agree_outweigh_those_that_miss_it(drive: Drive) -> None:

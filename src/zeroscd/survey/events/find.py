@@ -36,8 +36,8 @@ KINDS = ("added", "removed")
 def find_events(folder: Path, options: Options) -> list[Event]:
     """Group the regions of a survey into events, the most certain first.
 
-    What one photo shows and another one misses is no event; two that agree outweigh any that
-    miss it, for comparisons overlook more than they invent twice at one spot. Only photos that show
+    What one photo shows and another one misses comes last: it is seldom true, but comparisons
+    overlook too much to drop it. Only photos that show
     a change, and their neighbours, are encoded, each once while the memory that the options allow
     suffices.
 
@@ -62,11 +62,14 @@ def find_events(folder: Path, options: Options) -> list[Event]:
         witnesses = Witnesses(ordered, survey.aligned, features)
         for group in cluster([one.pair for one in sightings], bonds):
             members = [sightings[k] for k in group]
-            missed_by = witnesses.missing(members)
-            if len({one.photo for one in members}) > 1 or not missed_by:
-                found.append((members, missed_by, locate(members, cameras)))
-    found.sort(key=lambda one: (-max(s.score for s in one[0]), -len(one[0])))
+            found.append((members, witnesses.missing(members), locate(members, cameras)))
+    found.sort(key=lambda one: _rank(one[0], one[1]))
     return [make_event(k, *each) for k, each in enumerate(found, 1)]
+
+
+def _rank(sightings: Sequence[Sighting], missed_by: int) -> tuple[bool, float, int]:
+    alone = len({one.photo for one in sightings}) == 1
+    return (alone and missed_by > 0, -max(one.score for one in sightings), -len(sightings))
 
 
 def _bonds(
