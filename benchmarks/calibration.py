@@ -15,30 +15,25 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 from accuracy import SETS
 from pair import commit
-from pycocotools import mask as coco
 from several import SeveralViews
 
 from zeroscd.detector import Detector
 from zeroscd.evaluation.datasets.folder import open_root
 from zeroscd.evaluation.metrics import FALSE_REGION_PX
 from zeroscd.evaluation.truth import load_pair, resize_mask
+from zeroscd.export.frame import to_common_frame
+from zeroscd.export.supervision import mask_in
 from zeroscd.output import write_json
-from zeroscd.records import Alignment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from zeroscd.arrays import Mask
     from zeroscd.evaluation.run import PairDetector
-    from zeroscd.evaluation.truth import Truth
-    from zeroscd.records import Region
-    from zeroscd.result import ChangeResult
 
 SUPPORT_EDGES = (0.0, 0.1, 0.3, 0.5, 0.65, 0.8, 0.9, 1.0)
 TRUE_SHARE = 0.25  # of a region's pixels that truly changed, from which on it counts as true
@@ -57,22 +52,12 @@ def regions_of(root: Path, *, several: bool) -> Iterator[tuple[float, bool]]:
     for files in dataset.pairs:
         pair = load_pair(files, dataset)
         result = detector.detect(pair.before, pair.after)
+        view = to_common_frame(result)
         for region in result.regions:
-            counted = in_frame(region, result, pair.truth) & pair.truth.valid
+            mask = resize_mask(mask_in(view, region), pair.truth.changed.shape)
+            counted = mask & pair.truth.valid
             if np.count_nonzero(counted) >= FALSE_REGION_PX:
                 yield region.support, pair.truth.changed[counted].mean() >= TRUE_SHARE
-
-
-def in_frame(region: Region, result: ChangeResult, truth: Truth) -> Mask:
-    """Return a region's mask at the truth's size, in the frame of the result."""
-    mask = coco.decode(region.rle).astype(bool)
-    alignment = result.alignment
-    if region.frame != result.frame and isinstance(alignment, Alignment):
-        way: NDArray[np.float64] = np.asarray(alignment.t1_from_t0, dtype=np.float64)
-        way = way if result.frame == "t1" else np.asarray(np.linalg.inv(way), dtype=np.float64)
-        height, width = result.mask.shape
-        mask = cv2.warpPerspective(mask.astype(np.uint8), way, (width, height)) > 0
-    return resize_mask(mask, truth.changed.shape)
 
 
 def logistic(support: NDArray[np.float64], true: NDArray[np.bool_]) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from drive_scene import MOVERS, PLACES, place_of
 from odometry import FOCAL_35MM
 from PIL import Image
 
@@ -16,20 +17,10 @@ if TYPE_CHECKING:
 
     from drive_scene import Drive
 
-MOVERS = (8, 9, 10)  # classes of street-labels: cars, people, cyclists
-PLACES = 12
 VARIANTS = ("noted", "gaps")
-CORNER, METRES_A_DEGREE, APART_M = (52.2, 0.12), 111_195.0, 400.0
 GPS_FOLDER, CAMERA_FOLDER = 0x8825, 0x8769
 FIX_M, STEP_M, TURN_DEG = 3.0, 1.0, 2.0  # standard deviations; FIX_M is shared by a pass of a place
 QUALITY = 92
-
-
-def place_of(place: int, x_m: float, z_m: float) -> tuple[float, float]:
-    """Return latitude and longitude: x is east, z north, places lie in a row eastwards."""
-    east_m = x_m + place * APART_M
-    scale = METRES_A_DEGREE * math.cos(math.radians(CORNER[0]))
-    return CORNER[0] + z_m / METRES_A_DEGREE, CORNER[1] + east_m / scale
 
 
 def write_drive(drive: Drive, folder: Path, variant: str, seed: int) -> None:

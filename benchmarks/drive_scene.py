@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -9,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from drive_files import MOVERS, PLACES, place_of
 from odometry import Pose, camera_matrix, motion, path_of
 from PIL import Image
 
@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask, Rgb
 
-ROAD, PAVEMENT, CAR, PERSON, CYCLIST = 3, 4, *MOVERS  # classes of street-labels
+MOVERS = (8, 9, 10)  # classes of street-labels: cars, people, cyclists
+ROAD, PAVEMENT, CAR, PERSON, CYCLIST = 3, 4, *MOVERS
+PLACES = 12
+CORNER, METRES_A_DEGREE, APART_M = (52.2, 0.12), 111_195.0, 400.0
 FRAME_STEP = 30  # frames a second
 RUN = 9  # frames of a place; every third one is an old photo
 THINGS, PASSERS = 5, 8
@@ -79,6 +82,13 @@ class Drive:
 
     shots: list[Shot]
     things: list[dict[str, Any]] = field(default_factory=list)
+
+
+def place_of(place: int, x_m: float, z_m: float) -> tuple[float, float]:
+    """Return latitude and longitude: x is east, z north, places lie in a row eastwards."""
+    east_m = x_m + place * APART_M
+    scale = METRES_A_DEGREE * math.cos(math.radians(CORNER[0]))
+    return CORNER[0] + z_m / METRES_A_DEGREE, CORNER[1] + east_m / scale
 
 
 def read_frames(photos: Path, labels: Path) -> list[Frame]:

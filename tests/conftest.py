@@ -17,6 +17,7 @@ import pytest
 
 from zeroscd.images.grid import PatchGrid
 from zeroscd.records import FeatureMap, Segment, Segments
+from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -296,6 +297,20 @@ def _tiles(size_hw: tuple[int, int]) -> list[Mask]:
             tile[top : top + side, left : left + side] = True
             tiles.append(tile)
     return tiles
+
+
+@pytest.fixture(scope="session")
+def plain_settings() -> Settings:
+    """Rules under which a drawn scene's truth is plain."""
+    return Settings().override(
+        {
+            "threshold": "encoder",
+            "search_radius": 0,
+            "alpha": 0.6,
+            "verify": "off",
+            "kinds": "frame",
+        }
+    )
 
 
 @pytest.fixture(scope="session")

@@ -17,23 +17,16 @@ from zeroscd.errors import DatasetError
 from zeroscd.export.overlay import draw_overlay
 from zeroscd.export.summary import summary
 from zeroscd.models import Models
-from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.result import ChangeResult
+    from zeroscd.settings import Settings
 
 CAR, SIGN = (32, 96, 64, 48), (160, 32, 32, 48)
 SHIFT = np.array([[1.0, 0, 32], [0, 1, -16], [0, 0, 1]])
-PLAIN: dict[str, object] = {
-    "threshold": "encoder",
-    "search_radius": 0,
-    "alpha": 0.6,
-    "verify": "off",
-    "kinds": "frame",
-}
 
 
 class Heard:
@@ -56,8 +49,8 @@ def scene(draw_scene: Any) -> Any:
 
 
 @pytest.fixture
-def detector(toy_encoder: PatchEncoder, scene: Any) -> Detector:
-    return Detector(Settings().override(PLAIN), Models(toy_encoder, scene.segmenter()))
+def detector(toy_encoder: PatchEncoder, plain_settings: Settings, scene: Any) -> Detector:
+    return Detector(plain_settings, Models(toy_encoder, scene.segmenter()))
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from zeroscd.export.changes import changes
 from zeroscd.export.summary import transients_sentence
 from zeroscd.judge.ground import Ground
 from zeroscd.models import Models
-from zeroscd.settings import Settings
 from zeroscd.views import sights
 
 if TYPE_CHECKING:
@@ -21,24 +20,17 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.encoders.port import PatchEncoder
     from zeroscd.result import ChangeResult
+    from zeroscd.settings import Settings
 
     Detect = Callable[..., ChangeResult]
 
 CAR, SIGN, BIN = (32, 96, 64, 48), (160, 32, 32, 48), (128, 128, 32, 32)
 SHIFT = np.array([[1.0, 0, 32], [0, 1, -16], [0, 0, 1]])
 BACK = np.array([[1.0, 0, -16], [0, 1, 16], [0, 0, 1]])
-# Rules under which a drawn scene's truth is plain.
-PLAIN: dict[str, object] = {
-    "threshold": "encoder",
-    "search_radius": 0,
-    "alpha": 0.6,
-    "verify": "off",
-    "kinds": "frame",
-}
 
 
 @pytest.fixture
-def detect(toy_encoder: PatchEncoder) -> Detect:
+def detect(toy_encoder: PatchEncoder, plain_settings: Settings) -> Detect:
     """Detect between photos of drawn scenes, with models that know their outlines."""
 
     def between(
@@ -50,7 +42,7 @@ def detect(toy_encoder: PatchEncoder) -> Detect:
         segmenter = scenes[0].segmenter()
         for scene in scenes[1:]:
             segmenter.script |= scene.segmenter().script
-        settings = Settings().override({**PLAIN, **overrides})
+        settings = plain_settings.override(overrides)
         return Detector(settings, Models(toy_encoder, segmenter)).detect(before, after)
 
     return between
@@ -171,10 +163,10 @@ def test_photos_of_other_places_stand_alone(detect: Detect, draw_scene: Any) -> 
 
 
 def test_a_place_is_verified_where_any_view_verifies_it(
-    toy_encoder: PatchEncoder, street: Any
+    toy_encoder: PatchEncoder, plain_settings: Settings, street: Any
 ) -> None:
     new, left, right = street(), street(SHIFT), street(BACK)
-    detector = Detector(Settings().override(PLAIN), Models(toy_encoder, new.segmenter()))
+    detector = Detector(plain_settings, Models(toy_encoder, new.segmenter()))
     photos = detector.encode([left.after, right.after, new.after])
     evidence = detector.compare(photos[:2], photos[2:])
     none = Ground(np.zeros_like(evidence.ground[1].verified), evidence.ground[1].grid)
@@ -189,13 +181,13 @@ def test_a_place_is_verified_where_any_view_verifies_it(
 
 
 def test_what_stands_in_one_photo_only_is_transient_there_and_no_change(
-    toy_encoder: PatchEncoder, street: Any
+    toy_encoder: PatchEncoder, plain_settings: Settings, street: Any
 ) -> None:
     new, passing, old = street(things=[SIGN]), street(SHIFT, [CAR]), [street(BACK), street()]
     scenes, segmenter = [new, passing, *old], new.segmenter()
     for scene in scenes:
         segmenter.script |= scene.segmenter().script
-    detector = Detector(Settings().override(PLAIN), Models(toy_encoder, segmenter))
+    detector = Detector(plain_settings, Models(toy_encoder, segmenter))
     photos = [old[0].after, passing.after, old[1].after]
     result = detector.detect(photos, new.after, transients=True)
     assert [region.kind for region in result.regions] == ["added"]
@@ -217,10 +209,10 @@ def test_what_stands_in_one_photo_only_is_transient_there_and_no_change(
 
 
 def test_two_photos_do_not_say_which_of_them_is_the_exception(
-    toy_encoder: PatchEncoder, draw_scene: Any
+    toy_encoder: PatchEncoder, plain_settings: Settings, draw_scene: Any
 ) -> None:
     scene = draw_scene(SHIFT, removed=[CAR])
-    detector = Detector(Settings().override(PLAIN), Models(toy_encoder, scene.segmenter()))
+    detector = Detector(plain_settings, Models(toy_encoder, scene.segmenter()))
     result = detector.detect(scene.before, scene.after, transients=True)
     assert result.transients == ()
     assert transients_sentence(result) == "In one photo only: nothing."

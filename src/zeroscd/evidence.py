@@ -133,10 +133,9 @@ class FurtherPair:
 
     Attributes:
         evidence: Of this pair.
-        t0_from_own: From its photo before to the first pair's; None where no way is known.
-        t1_from_own: The same of its photo after.
+        first_from_own: From its photo before to the first pair's, and from its photo after; None
+            where no way is known.
     """
 
     evidence: Evidence
-    t0_from_own: Homography | None
-    t1_from_own: Homography | None
+    first_from_own: tuple[Homography | None, Homography | None]

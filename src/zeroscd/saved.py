@@ -12,7 +12,7 @@ from PIL import Image
 
 from zeroscd.errors import DatasetError
 from zeroscd.export.changes import SCHEMA
-from zeroscd.export.files import FILES
+from zeroscd.export.files import CHANGES, FILES
 from zeroscd.records import Alignment, NotAligned, Region
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Mask
     from zeroscd.records import Frame
-
-CHANGES = FILES["json"][0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -47,7 +47,7 @@ def join(pairs: Sequence[Sequence[Evidence]]) -> Evidence:
     ways_t0 = {i: _way_t0(aligned, first, i) for i, _ in every}
     ways_t1 = {j: _way_t1(aligned, first, j) for _, j in every}
     others = tuple(
-        FurtherPair(evidence=one, t0_from_own=ways_t0[i], t1_from_own=ways_t1[j])
+        FurtherPair(evidence=one, first_from_own=(ways_t0[i], ways_t1[j]))
         for (i, j), one in aligned.items()
         if (i, j) != first and not (ways_t0[i] is None and ways_t1[j] is None)
     )
@@ -121,27 +121,16 @@ def sights(evidence: Evidence, settings: Settings, *, tau: float) -> tuple[Sight
     others = [
         (coarse_changes(other.evidence, settings, tau=tau), other) for other in evidence.others
     ]
-    sight_t0 = _sight(
-        own[0],
-        evidence.ground[0],
-        [
-            (coarse[0], other.evidence.ground[0], other.t0_from_own)
+
+    def sight(side: int) -> Sight:
+        carried = [
+            (coarse[side], other.evidence.ground[side], way)
             for coarse, other in others
-            if other.t0_from_own is not None
-        ],
-        consensus=settings.consensus,
-    )
-    sight_t1 = _sight(
-        own[1],
-        evidence.ground[1],
-        [
-            (coarse[1], other.evidence.ground[1], other.t1_from_own)
-            for coarse, other in others
-            if other.t1_from_own is not None
-        ],
-        consensus=settings.consensus,
-    )
-    return sight_t0, sight_t1
+            if (way := other.first_from_own[side]) is not None
+        ]
+        return _sight(own[side], evidence.ground[side], carried, consensus=settings.consensus)
+
+    return sight(0), sight(1)
 
 
 def several(refine: RefineSettings) -> RefineSettings:

@@ -27,14 +27,8 @@ def odometry(load_script: Callable[[str], ModuleType]) -> ModuleType:
 
 
 @pytest.fixture(scope="module")
-def files(load_script: Callable[[str], ModuleType], odometry: ModuleType) -> ModuleType:
+def scene(load_script: Callable[[str], ModuleType], odometry: ModuleType) -> ModuleType:
     assert odometry.__name__ == "odometry"  # the other scripts import it
-    return load_script("drive_files")
-
-
-@pytest.fixture(scope="module")
-def scene(load_script: Callable[[str], ModuleType], files: ModuleType) -> ModuleType:
-    assert files.__name__ == "drive_files"
     return load_script("drive_scene")
 
 

@@ -9,7 +9,7 @@ from zeroscd.records import Alignment, NotAligned
 
 if TYPE_CHECKING:
     from zeroscd.images.photo import Photo
-    from zeroscd.records import Changes, Region
+    from zeroscd.records import Changes, FurtherPhoto, Region, Transients
 
 SCHEMA = 1
 
@@ -50,14 +50,7 @@ def _further_photos(result: Changes) -> dict[str, Any]:
     """Return nothing where each side has one photo: then the file is what it always was."""
     if not result.further_photos:
         return {}
-    photos = [
-        {
-            **_photo(one.photo),
-            "side": "before" if one.frame == "t0" else "after",
-            "left_out": one.left_out,
-        }
-        for one in result.further_photos
-    ]
+    photos = [{**_photo_and_side(one), "left_out": one.left_out} for one in result.further_photos]
     return {"further_photos": photos}
 
 
@@ -66,13 +59,16 @@ def _transients(result: Changes) -> dict[str, Any]:
         return {}
     photos = [
         {
-            **_photo(one.photo),
-            "side": "before" if one.frame == "t0" else "after",
+            **_photo_and_side(one),
             "regions": [region_values(region) | _views(region) for region in one.regions],
         }
         for one in result.transients
     ]
     return {"transients": photos}
+
+
+def _photo_and_side(one: FurtherPhoto | Transients) -> dict[str, Any]:
+    return {**_photo(one.photo), "side": "before" if one.frame == "t0" else "after"}
 
 
 def _views(region: Region) -> dict[str, int]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from zeroscd.records import Changes
 
-REPORT = "report.html"
+REPORT, CHANGES = "report.html", "changes.json"
 FILES: dict[str, tuple[str, Callable[[Changes], bytes]]] = {
     "mask": ("mask.png", lambda result: png(result.mask)),
     "removed": ("removed.png", lambda result: png(result.removed)),
@@ -26,7 +26,7 @@ FILES: dict[str, tuple[str, Callable[[Changes], bytes]]] = {
     "unknown": ("unknown.png", lambda result: png(result.unknown)),
     "overlay": ("overlay.png", lambda result: png(draw_overlay(result))),
     "report": (REPORT, lambda result: render_report(result).encode("utf-8", "replace")),
-    "json": ("changes.json", changes_json),
+    "json": (CHANGES, changes_json),
     "coco": ("coco.json", coco_json),
 }
 # What `Changes.save` and `zeroscd detect` promise.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from pycocotools import mask as coco
 
+from zeroscd.alignment.warp import warp_mask
 from zeroscd.errors import OutputError
 from zeroscd.export.frame import to_common_frame
+from zeroscd.records import Segment
 
 if TYPE_CHECKING:
     from supervision import Detections
@@ -38,15 +39,15 @@ def detections(result: Changes) -> Detections:
         message = "to_supervision needs supervision; run: pip install supervision"
         raise OutputError(message) from error
     view = to_common_frame(result)
-    carried = [(region, mask_in(view, region)) for region in result.regions]
-    shown = [(region, mask) for region, mask in carried if mask.any()]
+    carried = [(one, Segment.from_mask(mask_in(view, one))) for one in result.regions]
+    shown = [(region, segment) for region, segment in carried if segment is not None]
     if not shown:
         return supervision.Detections.empty()
-    masks = np.stack([mask for _, mask in shown])
     names = [region.kind for region, _ in shown]
+    boxes = np.array([segment.bbox_xywh for _, segment in shown], dtype=np.float32)
     return supervision.Detections(
-        xyxy=np.array([box_xyxy(mask) for mask in masks], dtype=np.float32),
-        mask=masks,
+        xyxy=np.hstack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]]),
+        mask=np.stack([segment.mask(view.size_hw) for _, segment in shown]),
         confidence=np.array([region.score for region, _ in shown], dtype=np.float32),
         class_id=np.array([CLASSES[name] for name in names]),
         data={"class_name": np.array(names)},
@@ -55,20 +56,5 @@ def detections(result: Changes) -> Detections:
 
 def mask_in(view: CommonFrame, region: Region) -> Mask:
     """Return a region's mask in the common frame, (H, W)."""
-    own = coco.decode(region.rle)
     way = view.from_t0 if region.frame == "t0" else view.from_t1
-    if np.array_equal(way, np.eye(3)):
-        return np.asarray(own, dtype=np.bool_)
-    height, width = view.size_hw
-    return np.asarray(cv2.warpPerspective(own, way, (width, height), flags=cv2.INTER_NEAREST) > 0)
-
-
-def box_xyxy(mask: Mask) -> tuple[int, int, int, int]:
-    """Return left, top, right and bottom of a mask that is not empty, in corners of pixels.
-
-    Example:
-        >>> box_xyxy(np.array([[False, False, False], [False, True, True]]))
-        (1, 1, 3, 2)
-    """
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+    return warp_mask(coco.decode(region.rle), way, size_b_hw=view.size_hw)

@@ -82,8 +82,14 @@ def box_around(centre: tuple[float, float], radius_m: float) -> tuple[float, flo
     # The circle's easternmost point lies a little poleward of its centre.
     sine = math.sin(radius_m / EARTH_M) / math.cos(math.radians(latitude))
     east_deg = math.degrees(math.asin(min(1.0, sine)))
-    return south, north, _wrapped(longitude - east_deg), _wrapped(longitude + east_deg)
+    return south, north, wrapped(longitude - east_deg), wrapped(longitude + east_deg)
 
 
-def _wrapped(longitude: float) -> float:
+def wrapped(longitude: float) -> float:
+    """Return a longitude, or a difference of two, as the angle from -180 to below 180 degrees.
+
+    Example:
+        >>> wrapped(190.0), wrapped(-10.0)
+        (-170.0, -10.0)
+    """
     return (longitude + 180.0) % 360.0 - 180.0

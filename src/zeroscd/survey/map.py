@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from zeroscd.retrieval.gps import METRES_A_DEGREE
+from zeroscd.retrieval.gps import METRES_A_DEGREE, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -80,7 +80,7 @@ class Projection:
     def to_xy(self, latitude: float, longitude: float) -> tuple[float, float]:
         """Return where a place lies in the drawing."""
         (height, width), (north, east) = self.size_hw, self._units_a_degree()
-        x = width / 2 + east * turn(longitude - self.middle[1])
+        x = width / 2 + east * wrapped(longitude - self.middle[1])
         return x, height / 2 - north * (latitude - self.middle[0])
 
     def parallels(self) -> list[Line]:
@@ -97,7 +97,7 @@ class Projection:
         half = self.size_hw[1] / 2 / self._units_a_degree()[1]
         degrees = _round_degrees(self.middle[1], half)
         return [
-            Line(self.to_xy(self.middle[0], value)[0], _label(turn(value), digits, "EW"))
+            Line(self.to_xy(self.middle[0], value)[0], _label(wrapped(value), digits, "EW"))
             for value, digits in degrees
         ]
 
@@ -138,7 +138,7 @@ def _fit(places: Sequence[tuple[float, float]]) -> Projection:
     latitudes = [latitude for latitude, _ in places]
     first = places[0][1]
     # Longitudes relative to the first: nothing tears at the date line.
-    aside = [turn(longitude - first) for _, longitude in places]
+    aside = [wrapped(longitude - first) for _, longitude in places]
     latitude = (min(latitudes) + max(latitudes)) / 2
     longitude = first + (min(aside) + max(aside)) / 2
     north_m = METRES_A_DEGREE * (max(latitudes) - min(latitudes))
@@ -190,16 +190,6 @@ def _round_degrees(middle: float, half: float) -> list[tuple[float, int]]:
 
 def _label(degrees: float, digits: int, signs: str) -> str:
     return f"{abs(degrees):.{digits}f}° {signs[degrees < 0]}"
-
-
-def turn(degrees: float) -> float:
-    """Return an angle between -180 and 180 degrees.
-
-    Example:
-        >>> turn(190.0), turn(-10.0)
-        (-170.0, -10.0)
-    """
-    return (degrees + 180.0) % 360.0 - 180.0
 
 
 def round_below(value: float) -> float:

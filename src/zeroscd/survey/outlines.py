@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from zeroscd.alignment.homography import apply, invert
+from zeroscd.export.files import CHANGES
 from zeroscd.survey.thumbs import MAX_SIDE_PX
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Homography, PointsXy
 
-CHANGES_JSON = "changes.json"
 HALF_PIXEL = 0.5  # outlines count corners of pixels; a homography's centres are whole numbers
 TOLERANCE_PX = 0.5  # of the thumbnail: finer outlines would only make the page larger
 MIN_CORNERS, MAX_CORNERS = 3, 60  # a page of thousands of outlines stays small
@@ -70,7 +70,7 @@ def read_homography(folder: Path) -> Homography | None:
         folder: The pair's own.
     """
     try:
-        content = json.loads((folder / CHANGES_JSON).read_text(encoding="utf-8"))
+        content = json.loads((folder / CHANGES).read_text(encoding="utf-8"))
         values: Mapping[str, Any] = content["alignment"]
         found = np.array(values["t1_from_t0"], np.float64)
     except (OSError, ValueError, KeyError, TypeError):

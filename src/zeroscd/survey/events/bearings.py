@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.retrieval.gps import METRES_A_DEGREE
+from zeroscd.retrieval.gps import METRES_A_DEGREE, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,14 +76,14 @@ class LocalPlane:
             >>> LocalPlane(60.0, 179.9999).to_metres((60.0, -179.9999))
             (11.119..., 0.0)
         """
-        turn = (place[1] - self.longitude + 180.0) % 360.0 - 180.0
+        turn = wrapped(place[1] - self.longitude)
         east_m = METRES_A_DEGREE * math.cos(math.radians(self.latitude)) * turn
         return east_m, METRES_A_DEGREE * (place[0] - self.latitude)
 
     def to_degrees(self, east_m: float, north_m: float) -> tuple[float, float]:
         """Return the (latitude, longitude) of a point of the plane."""
         turn = east_m / (METRES_A_DEGREE * math.cos(math.radians(self.latitude)))
-        longitude = (self.longitude + turn + 180.0) % 360.0 - 180.0
+        longitude = wrapped(self.longitude + turn)
         return self.latitude + north_m / METRES_A_DEGREE, longitude
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from zeroscd.survey.compared_pairs import read_compared_pairs
+from zeroscd.survey.outlines import HALF_PIXEL
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import PointsXy
     from zeroscd.records import Kind
-
-HALF_PIXEL = 0.5  # the tables' outlines count corners of pixels; here, centres are whole numbers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
