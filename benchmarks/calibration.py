@@ -23,9 +23,10 @@ from several import SeveralViews
 from zeroscd.detector import Detector
 from zeroscd.evaluation.datasets.folder import open_root
 from zeroscd.evaluation.metrics import FALSE_REGION_PX
-from zeroscd.evaluation.truth import load_pair, resize_mask
+from zeroscd.evaluation.truth import load_pair
 from zeroscd.export.frame import to_common_frame
 from zeroscd.export.supervision import mask_in
+from zeroscd.images.areas import resize_mask
 from zeroscd.output import write_json
 
 if TYPE_CHECKING:

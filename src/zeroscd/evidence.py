@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from zeroscd.alignment.homography import apply, invert
 from zeroscd.alignment.warp import unseen, warp_map, warp_mask
+from zeroscd.images.areas import read_area
 from zeroscd.images.bars import empty_edges
 
 if TYPE_CHECKING:
@@ -14,6 +17,7 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Homography, Map, Mask, PointsXy
     from zeroscd.change.coarse import DepthDistances
+    from zeroscd.images.areas import AreaSource
     from zeroscd.images.photo import Photo
     from zeroscd.judge.ground import Ground
     from zeroscd.records import Alignment, FeatureMap, FurtherPhoto, NotAligned, Segments
@@ -29,11 +33,15 @@ class EncodedPhoto:
         photo: The pixels.
         maps: Its feature maps, from coarse to fine.
         proposals: Its segments, computed when first asked for.
+        ignored: (H, W) what does not count in it; None where all counts.
+        wanted: (H, W) where to look only; None for everywhere.
     """
 
     photo: Photo
     maps: tuple[FeatureMap, ...]
     proposals: MaskProposals
+    ignored: Mask | None = None
+    wanted: Mask | None = None
 
     @property
     def size_hw(self) -> tuple[int, int]:
@@ -45,6 +53,26 @@ class EncodedPhoto:
         """Memory held so far; it grows when segments are first asked for."""
         descriptors = sum(one.descriptors.nbytes for one in self.maps)
         return self.photo.pixels.nbytes + descriptors + self.proposals.size_bytes
+
+    def leave_out(
+        self, *, ignore: AreaSource | None = None, roi: AreaSource | None = None
+    ) -> EncodedPhoto:
+        """Return this photo with an area that does not count; the encoding stays the same.
+
+        Args:
+            ignore: What does not count, in addition to what did not before: see `read_area`.
+            roi: Where to look only; it replaces the one before.
+
+        Raises:
+            ImageError: An area cannot be read or does not fit the photo.
+        """
+        ignored, wanted = self.ignored, self.wanted
+        if ignore is not None:
+            area = read_area(ignore, size_hw=self.size_hw, name="the ignore mask")
+            ignored = area if ignored is None else ignored | area
+        if roi is not None:
+            wanted = read_area(roi, size_hw=self.size_hw, name="the region of interest")
+        return replace(self, ignored=ignored, wanted=wanted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +104,22 @@ class Side:
         outside = unseen(self.there.size_hw, self.here_from_there, size_b_hw=self.here.size_hw)
         empty_here, empty_there = (empty_edges(one.photo.pixels) for one in (self.here, self.there))
         return outside | empty_here | self.bring_mask(empty_there)
+
+    def ignored(self) -> Mask | None:
+        """Mark the pixels of this photo that do not count, by either photo's areas.
+
+        Returns:
+            None where all count.
+        """
+        here, there = self.here, self.there
+        areas = [
+            here.ignored,
+            None if there.ignored is None else self.bring_mask(there.ignored),
+            None if here.wanted is None else ~here.wanted,
+            None if there.wanted is None else ~self.bring_mask(there.wanted),
+        ]
+        given = [area for area in areas if area is not None]
+        return np.logical_or.reduce(given) if given else None
 
 
 @dataclass(frozen=True, slots=True)

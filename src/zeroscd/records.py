@@ -129,11 +129,13 @@ class Alignment:
         t1_from_t0: 3x3 homography, in pixels of the two photos; its last entry is 1.
         inliers: Matches that agree with it.
         matches: Matches it was estimated from.
+        given: The user knew it; nothing was matched.
     """
 
     t1_from_t0: Homography
     inliers: int
     matches: int
+    given: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,6 +233,7 @@ class Changes:
         unknown: (H, W) not judged: neither changed nor unchanged, because it is not in view of
             both photos, or its surroundings are not verified (parallax, or too different in light).
         unseen: (H, W) the part of it that is not in view of both photos.
+        ignored: (H, W) the part of it that the user left out; None where nothing was.
         heatmap: (H, W) float32 descriptor distance, 0..2.
         regions: The changed objects, most certain first.
         alignment: The homography, or why there is none.
@@ -258,6 +261,7 @@ class Changes:
     seconds: Mapping[str, float] = field(default_factory=dict)
     further_photos: tuple[FurtherPhoto, ...] = ()
     transients: tuple[Transients, ...] | None = None
+    ignored: Mask | None = None
 
     @property
     def changed_fraction(self) -> float:

@@ -150,7 +150,7 @@ def test_a_mask_in_colours_is_scored_like_a_white_one_and_named(
     scores = json.loads((tmp_path / "out" / "scores.json").read_text())
     assert scores["per_pair"][0]["f1"] == pytest.approx(0.4)
     assert scores["pixels"]["tn"] == 40 * 4 * (11 + 15 + 19)  # a without its void column, b, c
-    said = "not black and white, so everything but black counts as changed: masks of a"
+    said = "not black and white, so everything but black counts as white: masks of a"
     assert said in scores["protocol"]["notes"]
 
 

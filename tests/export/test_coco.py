@@ -26,7 +26,6 @@ def encoded(result: ChangeResult) -> ChangeResult:
     return replace(result, regions=regions)
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # pycocotools 2.0.11 with NumPy 2
 def test_pycocotools_reads_the_file_and_finds_the_masks(
     encoded: ChangeResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

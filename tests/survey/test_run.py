@@ -59,7 +59,6 @@ def photos(town: Town, index: PlaceIndex) -> list[Path]:
     ]
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # pycocotools 2.0.11 with NumPy 2
 def test_a_survey_finds_compares_and_reports(
     photos: list[Path], index: PlaceIndex, options: Options, tmp_path: Path
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,12 +14,14 @@ from zeroscd.records import Alignment, NotAligned
 
 if TYPE_CHECKING:
     from zeroscd.alignment.homography import Estimate
+    from zeroscd.arrays import Mask
     from zeroscd.images.photo import Photo
     from zeroscd.records import FeatureMap
     from zeroscd.settings import AlignSettings
 
 MATCHING_CELLS = 4096  # all-pairs matching uses the finest map with no more patches than this
 REFINING_POINTS = 4096  # patches tried on each finer map
+NOTHING = (None, None)
 
 
 def align(
@@ -28,6 +30,7 @@ def align(
     settings: AlignSettings,
     *,
     sizes_hw: tuple[tuple[int, int], tuple[int, int]],
+    ignored: tuple[Mask | None, Mask | None] = NOTHING,
 ) -> Alignment | NotAligned:
     """Find the homography that carries the photo before to the photo after.
 
@@ -41,12 +44,14 @@ def align(
         maps_t1: The same depths of the photo after.
         settings: Tolerances and rules.
         sizes_hw: Height and width of the photo before and of the photo after.
+        ignored: What does not count in the photo before, and in the photo after: a hood that moves
+            with the camera. Matches there are left out if most inliers are such.
     """
     symmetric = settings.matching == "mutual"
     swapped = maps_t1[-1].descriptors.tobytes() < maps_t0[-1].descriptors.tobytes()
     if not (symmetric and swapped):
-        return _align_in_order(maps_t0, maps_t1, settings, sizes_hw=sizes_hw)
-    found = _align_in_order(maps_t1, maps_t0, settings, sizes_hw=sizes_hw[::-1])
+        return _align_in_order(maps_t0, maps_t1, settings, _Photos(sizes_hw, ignored))
+    found = _align_in_order(maps_t1, maps_t0, settings, _Photos(sizes_hw[::-1], ignored[::-1]))
     if isinstance(found, NotAligned):
         return found
     return Alignment(
@@ -54,22 +59,44 @@ def align(
     )
 
 
+class _Photos(NamedTuple):
+    """What is known of photos a and b beside their features."""
+
+    sizes_hw: tuple[tuple[int, int], tuple[int, int]]
+    ignored: tuple[Mask | None, Mask | None]
+
+    def counting(self, points: PointMatches) -> Mask:
+        """Tell which matches lie in no ignored place, (N,)."""
+        counts = np.ones(len(points.points_a), dtype=bool)
+        for area, points_xy in zip(self.ignored, points, strict=True):
+            if area is not None:
+                last_xy = np.array(area.shape[::-1]) - 1
+                x, y = np.clip(np.rint(points_xy), 0, last_xy).astype(np.intp).T
+                counts &= ~area[y, x]
+        return counts
+
+
 def _align_in_order(
     maps_a: tuple[FeatureMap, ...],
     maps_b: tuple[FeatureMap, ...],
     settings: AlignSettings,
-    *,
-    sizes_hw: tuple[tuple[int, int], tuple[int, int]],
+    photos: _Photos,
 ) -> Alignment | NotAligned:
-    level = matching_level(maps_a)
+    level, sizes_hw = matching_level(maps_a), photos.sizes_hw
     points = _match_all(maps_a[level], maps_b[level], settings)
     found = _estimate(points, maps_b[level], settings)
+    counting = photos.counting(points)
+    led_astray = found is not None and _mostly(~counting, of=found.inliers)
+    if led_astray:
+        points = PointMatches(*(one[counting] for one in points))
+        found = _estimate(points, maps_b[level], settings)
     reason = _rejection_reason(found, len(points.points_a), settings, sizes_hw=sizes_hw)
     if found is None or reason is not None:
         inliers = 0 if found is None else int(found.inliers.sum())
         reason = reason or "no homography fits the matches"
         return NotAligned(reason=reason, inliers=inliers, matches=len(points.points_a))
-    sharper = _sharpen(found, maps_a[level + 1 :], maps_b[level + 1 :], settings, sizes_hw=sizes_hw)
+    finer = maps_a[level + 1 :], maps_b[level + 1 :]
+    sharper = _sharpen(found, finer, settings, photos if led_astray else _Photos(sizes_hw, NOTHING))
     return Alignment(
         t1_from_t0=sharper.b_from_a,
         inliers=int(found.inliers.sum()),
@@ -123,16 +150,14 @@ def _rejection_reason(
 
 def _sharpen(
     found: Estimate,
-    finer_a: tuple[FeatureMap, ...],
-    finer_b: tuple[FeatureMap, ...],
+    finer: tuple[tuple[FeatureMap, ...], tuple[FeatureMap, ...]],
     settings: AlignSettings,
-    *,
-    sizes_hw: tuple[tuple[int, int], tuple[int, int]],
+    photos: _Photos,
 ) -> Estimate:
     """Re-estimate on each finer map; a degenerate estimate leaves the last one."""
     if settings.refine_radius == 0:
         return found
-    for map_a, map_b in zip(finer_a, finer_b, strict=True):
+    for map_a, map_b in zip(*finer, strict=True):
         points = guided_match(
             map_a,
             map_b,
@@ -140,13 +165,17 @@ def _sharpen(
             radius=settings.refine_radius,
             max_points=REFINING_POINTS,
         )
-        finer = _estimate(points, map_b, settings)
-        if (
-            _rejection_reason(finer, len(points.points_a), settings, sizes_hw=sizes_hw) is None
-            and finer
-        ):
-            found = finer
+        points = PointMatches(*(one[photos.counting(points)] for one in points))
+        sharper = _estimate(points, map_b, settings)
+        count = len(points.points_a)
+        reason = _rejection_reason(sharper, count, settings, sizes_hw=photos.sizes_hw)
+        if sharper is not None and reason is None:
+            found = sharper
     return found
+
+
+def _mostly(part: Mask, *, of: Mask) -> bool:
+    return bool(2 * np.count_nonzero(part & of) > np.count_nonzero(of))
 
 
 def blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:

@@ -11,7 +11,7 @@ import numpy as np
 from zeroscd.alignment.homography import homography_or_resize
 from zeroscd.alignment.warp import warp_mask
 from zeroscd.evaluation.metrics import Counts, count, count_false_regions
-from zeroscd.evaluation.truth import resize_mask
+from zeroscd.images.areas import resize_mask
 from zeroscd.records import NotAligned
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from zeroscd.evaluation.datasets.masks import read_mask, read_truth
+from zeroscd.images.areas import resize_mask
 from zeroscd.images.bars import black_border
 from zeroscd.images.read import read_photo
 
@@ -63,7 +64,7 @@ def load_pair(files: PairFiles, dataset: Dataset) -> LoadedPair:
     before = _photo(files.before, dataset.size_hw)
     after = _photo(files.after, dataset.size_hw)
     mask = read_truth(files.mask, dataset.code)
-    changed = resize_mask(mask.changed, dataset.size_hw)
+    changed = resize_mask(mask.white, dataset.size_hw)
     valid = np.ones_like(changed)
     if mask.void is not None:
         valid &= ~resize_mask(mask.void, changed.shape)
@@ -80,15 +81,6 @@ def load_pair(files: PairFiles, dataset: Dataset) -> LoadedPair:
         note=mask.note,
     )
     return LoadedPair(before=before, after=after, truth=truth)
-
-
-def resize_mask(mask: Mask, size_hw: tuple[int, ...] | None) -> Mask:
-    """Bring a mask to a size by its nearest pixels; None leaves it as it is."""
-    if size_hw is None or mask.shape == size_hw:
-        return mask
-    width_height = (size_hw[1], size_hw[0])
-    resized = cv2.resize(mask.astype(np.uint8), width_height, interpolation=cv2.INTER_NEAREST_EXACT)
-    return resized.astype(bool)
 
 
 def _photo(path: Path, size_hw: tuple[int, int] | None) -> Rgb:

@@ -115,7 +115,7 @@ def test_a_mask_in_another_form_is_understood_with_a_note(name: str, tmp_path: P
     image, note = UNDERSTOOD[name]
     image.save(tmp_path / "mask.png")
     found = read_truth(tmp_path / "mask.png", "white")
-    assert np.array_equal(found.changed, SHAPE)
+    assert np.array_equal(found.white, SHAPE)
     assert found.note is not None
     assert note in found.note
 
@@ -135,7 +135,7 @@ def test_a_mask_in_another_form_is_understood_with_a_note(name: str, tmp_path: P
 def test_white_on_black_in_any_mode_needs_no_note(image: Image.Image, tmp_path: Path) -> None:
     image.save(tmp_path / "mask.png")
     found = read_truth(tmp_path / "mask.png", "white")
-    assert np.array_equal(found.changed, SHAPE)
+    assert np.array_equal(found.white, SHAPE)
     assert (found.note, found.void) == (None, None)
 
 
@@ -143,16 +143,16 @@ def test_soft_edges_and_jpeg_are_still_white_on_black(tmp_path: Path) -> None:
     white = picture(SHAPE * 255)
     white.resize((160, 120), Image.Resampling.BICUBIC).save(tmp_path / "soft.png")
     soft = read_truth(tmp_path / "soft.png", "white")
-    assert np.array_equal(soft.changed, SHAPE.repeat(2, axis=0).repeat(2, axis=1))
+    assert np.array_equal(soft.white, SHAPE.repeat(2, axis=0).repeat(2, axis=1))
     assert soft.note is None
     white.save(tmp_path / "mask.jpg", quality=30)
     lossy = read_truth(tmp_path / "mask.jpg", "white")
-    assert (lossy.changed != SHAPE).mean() < 0.005
+    assert (lossy.white != SHAPE).mean() < 0.005
     assert lossy.note is None
     painted((255, 0, 0)).save(tmp_path / "red.jpg", quality=90)
     red = read_truth(tmp_path / "red.jpg", "white")
-    assert (red.changed != SHAPE).mean() < 0.02  # its colour has half the resolution
-    assert red.note == "in colours, so everything bright counts as changed"
+    assert (red.white != SHAPE).mean() < 0.02  # its colour has half the resolution
+    assert red.note == "in colours, so everything bright counts as white"
 
 
 def test_the_void_of_voc_does_not_count_and_small_dark_things_beside_it_do(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_the_void_of_voc_does_not_count_and_small_dark_things_beside_it_do(tmp_p
     colours[20:40, 30:50] = (64, 0, 0)
     Image.fromarray(colours).save(tmp_path / "mask.png")
     found = read_truth(tmp_path / "mask.png", "white")
-    assert np.array_equal(found.changed, SHAPE)
+    assert np.array_equal(found.white, SHAPE)
     assert found.void is not None
     assert np.array_equal(found.void, colours[..., 1] == 224)
 

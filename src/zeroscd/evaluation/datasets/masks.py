@@ -2,53 +2,22 @@
 
 from __future__ import annotations
 
-import io
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
-from PIL import Image
 
 from zeroscd.errors import DatasetError, ImageError
-from zeroscd.images.guard import guarded
-from zeroscd.images.read import FORMATS
+from zeroscd.images.masks import HALF_WHITE, MaskReading, decode_mask, read_white
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from PIL import Image
 
-    from zeroscd.arrays import Mask, Rgb
+    from zeroscd.arrays import Mask
     from zeroscd.evaluation.datasets.port import MaskCode
 
-HALF_WHITE = 127  # the middle of 8-bit grey: above is white, up to here is black
 SKY = 255  # VL-CMU-CD's class id of sky, which is no change
-VOID_COLOUR = (224, 224, 192)  # PASCAL VOC's "do not count", index 255 of its palette
-MAX_LABELS = 64  # more colours than this are a photo, not labels
-SOFT_EDGE_PX = 16  # how far from white a resized or JPEG mask may be grey: one JPEG block of colour
-JPEG_BLACK = 8  # grey levels that JPEG may make of black
-LOSSY = frozenset({"JPEG", "MPO", "WEBP"})
-WHITE, WHITE_16_BIT = 255, 65535
-
-LABELS_NOTE = "not black and white, so everything but black counts as changed"
-COLOURS_NOTE = "in colours, so everything bright counts as changed"
-ALPHA_NOTE = "drawn in the alpha channel, so what is opaque counts as changed"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MaskReading:
-    """A mask file, read.
-
-    Attributes:
-        changed: (H, W).
-        void: (H, W) pixels that the file itself says do not count; None where it has no such class.
-        note: How the file was understood, where it is not what its data set promises.
-    """
-
-    changed: Mask
-    void: Mask | None = None
-    note: str | None = None
 
 
 def read_mask(path: Path, code: MaskCode) -> Mask:
@@ -57,36 +26,25 @@ def read_mask(path: Path, code: MaskCode) -> Mask:
     Raises:
         DatasetError: The file is missing, no picture, or cannot be understood as a mask.
     """
-    return read_truth(path, code).changed
+    return read_truth(path, code).white
 
 
 def read_truth(path: Path, code: MaskCode) -> MaskReading:
-    """Read a mask file by the convention of its data set.
-
-    Files that should be white on black may also be labels (a palette, colours, class ids, one
-    level of grey) or an alpha channel: these are understood, with a note.
+    """Read a mask file by the convention of its data set; white is what changed.
 
     Raises:
         DatasetError: The file is missing, no picture, or cannot be understood as a mask.
     """
-    image = _decoded(path)
-    if code == "white":
-        return _read_white(image, path)
-    return MaskReading(changed=_read_coded(image, code))
-
-
-def _decoded(path: Path) -> Image.Image:
     try:
-        content = path.read_bytes()
-        with guarded(str(path)), Image.open(io.BytesIO(content), formats=FORMATS) as image:
-            image.load()
+        image = decode_mask(path.read_bytes(), name=f"the mask {path}")
+        if code == "white":
+            return read_white(image, name=f"the mask {path}")
     except OSError as error:
         message = f"cannot read the mask {path}: {error.strerror}; copy the data set again"
         raise DatasetError(message) from error
     except ImageError as error:
-        message = f"the mask {error}"
-        raise DatasetError(message) from error
-    return image
+        raise DatasetError(str(error)) from error
+    return MaskReading(white=_read_coded(image, code))
 
 
 def _read_coded(image: Image.Image, code: MaskCode) -> Mask:
@@ -99,85 +57,3 @@ def _read_coded(image: Image.Image, code: MaskCode) -> Mask:
         return (values > 0) & (values < SKY)
     # Some tools write 0 and 1 instead of 0 and 255.
     return values <= (0 if values.max(initial=0) <= 1 else HALF_WHITE)
-
-
-def _read_white(image: Image.Image, path: Path) -> MaskReading:
-    alpha = _alpha(image)
-    if alpha is not None:
-        return _from_alpha(np.array(image.convert("RGBA"))[..., :3], alpha, path)
-    colours = _colours(image)
-    if image.mode == "P":
-        indices = np.array(image)
-        hidden = (indices > 0) & ~colours.any(axis=2)
-        if hidden.any():  # a palette that shows a class as black, or none at all
-            return MaskReading(changed=indices > 0, note=LABELS_NOTE)
-    return _from_colours(colours, path, is_lossy=image.format in LOSSY)
-
-
-def _from_alpha(colours: Rgb, alpha: NDArray[np.uint8], path: Path) -> MaskReading:
-    """Understand a mask whose transparency varies; what is transparent is black."""
-    opaque = alpha > HALF_WHITE
-    if not opaque.any():
-        raise _refusal(path, "is transparent everywhere")
-    if (colours[opaque] == colours[opaque][0]).all():
-        return MaskReading(changed=opaque, note=ALPHA_NOTE)
-    return _from_colours(np.where(opaque[..., None], colours, 0), path, is_lossy=False)
-
-
-def _from_colours(colours: Rgb, path: Path, *, is_lossy: bool) -> MaskReading:
-    """Understand an opaque mask: white on black with soft edges, or labels on black."""
-    value = colours.max(axis=2)
-    if value.max(initial=0) <= 1:  # black, or 0 and 1 instead of 0 and 255
-        return MaskReading(changed=value > 0)
-    bright = value > HALF_WHITE
-    is_grey = bool((colours == colours[..., :1]).all())
-    is_labels = not is_lossy and _number_of(colours) <= MAX_LABELS
-    if (is_grey or not is_labels) and not _has_far_dark(value, is_lossy=is_lossy):
-        return MaskReading(changed=bright, note=None if is_grey else COLOURS_NOTE)
-    if not is_labels:
-        raise _refusal(path, "is neither black and white nor a few plain colours")
-    if is_grey and bright.any():
-        levels = ", ".join(map(str, np.unique(value)[:4].tolist()))
-        raise _refusal(path, f"has more levels of grey than black and white ({levels}, ...)")
-    void: Mask = (colours == VOID_COLOUR).all(axis=2)
-    return MaskReading(
-        changed=(value > 0) & ~void, void=void if void.any() else None, note=LABELS_NOTE
-    )
-
-
-def _has_far_dark(value: NDArray[np.uint8], *, is_lossy: bool) -> bool:
-    """Tell whether anything is dark, but not black and no soft edge of something bright."""
-    side = 2 * SOFT_EDGE_PX + 1
-    bright = np.asarray(value > HALF_WHITE, dtype=np.uint8)
-    near = cv2.dilate(bright, np.ones((side, side), np.uint8)) > 0
-    black = JPEG_BLACK if is_lossy else 0
-    return bool(((value > black) & ~near).any())
-
-
-def _number_of(colours: Rgb) -> int:
-    packed = colours.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
-    return int(np.unique(packed).size)
-
-
-def _alpha(image: Image.Image) -> NDArray[np.uint8] | None:
-    """Return a transparency that varies or hides everything; None where all is opaque."""
-    if "A" not in image.getbands() and "transparency" not in image.info:
-        return None
-    alpha = np.array(image.convert("RGBA"))[..., 3]
-    return None if alpha.min(initial=0) > HALF_WHITE else alpha
-
-
-def _colours(image: Image.Image) -> Rgb:
-    """Return (H, W, 3) uint8; deeper grey is brought to eight bits, ids of it stay as they are."""
-    if image.mode in ("I", "F") or image.mode.startswith("I;16"):
-        grey = np.nan_to_num(np.array(image).astype(np.float64))
-        if grey.max(initial=0) > WHITE:
-            grey *= WHITE / max(WHITE_16_BIT, grey.max())
-        eight_bit = np.ceil(np.clip(grey, 0, WHITE)).astype(np.uint8)
-        return np.repeat(eight_bit[..., None], 3, axis=2)
-    return np.array(image.convert("RGB"), dtype=np.uint8)
-
-
-def _refusal(path: Path, why: str) -> DatasetError:
-    message = f"the mask {path} {why}; which pixels changed? save it as white on black"
-    return DatasetError(message)

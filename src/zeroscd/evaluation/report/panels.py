@@ -10,7 +10,8 @@ import numpy as np
 
 from zeroscd.errors import SettingsError
 from zeroscd.evaluation.datasets.masks import read_mask
-from zeroscd.evaluation.truth import load_pair, resize_mask
+from zeroscd.evaluation.truth import load_pair
+from zeroscd.images.areas import resize_mask
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
