@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from zeroscd.detector import Detector, detect
+    from zeroscd.detector import Detector
     from zeroscd.errors import (
         DatasetError,
         ImageError,
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         ZeroscdError,
     )
     from zeroscd.images.photo import Photo
+    from zeroscd.one_call import detect
     from zeroscd.records import Alignment, NotAligned, Region
     from zeroscd.result import ChangeResult
     from zeroscd.saved import SavedResult, load
@@ -44,7 +45,7 @@ _HOME = {
     "SettingsError": "errors",
     "WeightsError": "errors",
     "ZeroscdError": "errors",
-    "detect": "detector",
+    "detect": "one_call",
     "load": "saved",
 }
 

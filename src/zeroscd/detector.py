@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from zeroscd.alignment.align import align, blankness
-from zeroscd.alignment.homography import homography_or_resize
+from zeroscd.alignment.known import refuse_for_several
 from zeroscd.errors import ImageError
-from zeroscd.evidence import EncodedPhoto, Evidence, Pair
+from zeroscd.evidence import EncodedPhoto, Evidence
 from zeroscd.images.read import read_photo
+from zeroscd.judging import judge, leave_out
 from zeroscd.models import Models, load_models
 from zeroscd.progress import Silent
-from zeroscd.records import NotAligned, Transients
+from zeroscd.records import Transients
 from zeroscd.refine.regions import alone_in_its_photo, find_regions
 from zeroscd.renamed import warn_renamed
 from zeroscd.result import ChangeResult
@@ -21,11 +20,9 @@ from zeroscd.settings import preset as settings_of
 from zeroscd.settings import require_same_evidence
 from zeroscd.steps import (
     all_segments,
-    distances,
-    judge,
+    compare_photos,
     removed_and_added,
     segments_around,
-    verified_ground_of,
 )
 from zeroscd.timer import StageTimer
 from zeroscd.views import join, several, sights
@@ -33,41 +30,12 @@ from zeroscd.views import join, several, sights
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from zeroscd.alignment.known import KnownGeometry
+    from zeroscd.images.areas import AreaSource
     from zeroscd.images.read import PhotoSource
     from zeroscd.progress import Progress
     from zeroscd.records import Frame
     from zeroscd.settings import Settings
-
-log = logging.getLogger(__name__)
-
-
-def detect(
-    before: PhotoSource | Sequence[PhotoSource],
-    after: PhotoSource | Sequence[PhotoSource],
-    *,
-    preset: str = "lite",
-    device: str = "auto",
-    **settings: object,
-) -> ChangeResult:
-    """Find what changed between two photos of one place.
-
-    Loads the models each time; for many pairs make a `Detector` once.
-
-    Args:
-        before: The t0 photo: a path, bytes, a PIL image or an (H, W, 3) uint8 RGB array; or a list
-            of photos of the place, see `Detector.detect`.
-        after: The t1 photo, or a list.
-        preset: Name of a bundle of models and settings (`zeroscd.PRESETS`).
-        device: "auto", "cpu", "cuda" or "mps".
-        settings: Settings that differ from the preset's, by name: `tau=0.9`, `frame="t0"`.
-
-    Raises:
-        ImageError: A photo cannot be read.
-        SettingsError: An unknown preset, setting or device.
-        WeightsError: The preset's weights are missing or damaged.
-    """
-    detector = Detector.from_preset(preset, device=device, overrides=settings)
-    return detector.detect(before, after)
 
 
 class Detector:
@@ -101,12 +69,18 @@ class Detector:
         settings = settings_of(name).override(overrides or {})
         return cls(settings, load_models(settings, device=device), preset=name)
 
-    def detect(
+    def detect(  # noqa: PLR0913 - as above
         self,
         before: PhotoSource | Sequence[PhotoSource],
         after: PhotoSource | Sequence[PhotoSource],
         *,
         transients: bool = False,
+        ignore: AreaSource | None = None,
+        ignore_before: AreaSource | None = None,
+        roi: AreaSource | None = None,
+        roi_before: AreaSource | None = None,
+        ignore_all: AreaSource | None = None,
+        t1_from_t0: KnownGeometry | None = None,
     ) -> ChangeResult:
         """Find what changed; the photos may differ in size.
 
@@ -122,15 +96,32 @@ class Detector:
             after: The t1 photo, or a list of new ones.
             transients: Whether to look for what stands in one photo only, too. Each photo of a
                 side that has several is compared with all others.
+            ignore: What does not count in the (first) photo after: a mask, white = leave out, as a
+                path, bytes, a picture or an array; or polygons in its pixels, as a list, JSON or
+                GeoJSON. It is carried to the photo before. What is left out is neither changed nor
+                unchanged; elsewhere the result is what it would be without.
+            ignore_before: What does not count in the (first) photo before.
+            roi: Where to look only, in the (first) photo after; what lies elsewhere is left out.
+            roi_before: Where to look only, in the (first) photo before.
+            ignore_all: What does not count in any photo, such as the hood or the time stamp of a
+                camera.
+            t1_from_t0: Known geometry: a (3, 3) homography in pixels, or "none" for a camera that
+                did not move. It is estimated from the photos if not given.
 
         Raises:
-            ImageError: A photo cannot be read, or a side has none.
+            ImageError: A photo or an area cannot be read, or a side has no photo.
+            SettingsError: The geometry cannot relate the photos, or is a homography where a side
+                has several photos.
         """
         timer = StageTimer()
         old, new = _listed(before, "before"), _listed(after, "after")
         encoded = self.encode([*old, *new], timer=timer)
+        if ignore_all is not None:
+            encoded = [photo.leave_out(ignore=ignore_all) for photo in encoded]
+        for first, area, wanted in ((0, ignore_before, roi_before), (len(old), ignore, roi)):
+            encoded[first] = encoded[first].leave_out(ignore=area, roi=wanted)
         sides = encoded[: len(old)], encoded[len(old) :]
-        result = self.decide(self.compare(*sides, timer=timer))
+        result = self.decide(self.compare(*sides, t1_from_t0=t1_from_t0, timer=timer))
         if not transients:
             return result
         return replace(result, transients=tuple(self._transients(*sides)))
@@ -177,6 +168,7 @@ class Detector:
         before: EncodedPhoto | Sequence[EncodedPhoto],
         after: EncodedPhoto | Sequence[EncodedPhoto],
         *,
+        t1_from_t0: KnownGeometry | None = None,
         timer: StageTimer | None = None,
     ) -> Evidence:
         """Align old and new photos and gather everything that no threshold decides.
@@ -184,41 +176,30 @@ class Detector:
         Args:
             before: The photo before, or several of the place.
             after: The photo after, or several.
+            t1_from_t0: Known geometry, see `detect`.
             timer: Counts the seconds, where someone wants to know.
+
+        Raises:
+            SettingsError: The geometry cannot relate the photos.
         """
         timer = timer or StageTimer()
         old = [before] if isinstance(before, EncodedPhoto) else before
         new = [after] if isinstance(after, EncodedPhoto) else after
+        if t1_from_t0 is not None and len(old) * len(new) > 1:
+            refuse_for_several(t1_from_t0)
         evidence = join(
-            [[self._pair(photo_t0, photo_t1, timer) for photo_t1 in new] for photo_t0 in old]
+            [
+                [
+                    compare_photos(one_t0, one_t1, self.settings, known=t1_from_t0, timer=timer)
+                    for one_t1 in new
+                ]
+                for one_t0 in old
+            ]
         )
         with timer.stage("segment"):
             everything = self.settings.segment.prompting == "everything"
             segments = all_segments(evidence.pair) if everything else None
         return replace(evidence, segments=segments, seconds=timer.seconds)
-
-    def _pair(self, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto, timer: StageTimer) -> Evidence:
-        sizes_hw = (photo_t0.size_hw, photo_t1.size_hw)
-        with timer.stage("align"):
-            alignment = blankness(photo_t0.photo, photo_t1.photo) or align(
-                photo_t0.maps, photo_t1.maps, self.settings.align, sizes_hw=sizes_hw
-            )
-            if isinstance(alignment, NotAligned):
-                log.info("compared without alignment: %s", alignment.reason)
-            pair = Pair(photo_t0, photo_t1, homography_or_resize(alignment, *sizes_hw))
-        with timer.stage("coarse"):
-            distances_t0, distances_t1 = distances(pair, self.settings.change)
-            ground = verified_ground_of(pair)
-        return Evidence(
-            pair=pair,
-            alignment=alignment,
-            distances_t0=distances_t0,
-            distances_t1=distances_t1,
-            ground=ground,
-            segments=None,
-            settings=self.settings,
-            seconds={},
-        )
 
     def decide(self, evidence: Evidence, settings: Settings | None = None) -> ChangeResult:
         """Turn evidence into a result.
@@ -244,11 +225,17 @@ class Detector:
             masks = removed_and_added(pair, coarse, segments, rules)
         with timer.stage("judge"):
             judged = judge(pair, seen, masks, chosen.judge)
+            side_t0, side_t1 = pair.sides
+            ignored = side_t0.ignored(), side_t1.ignored()
+            judged = leave_out(judged, ignored, min_area_px=rules.min_area_px)
             unseen_t0, unseen_t1 = (one.unknown for one in coarse)
             regions = find_regions(*judged.parts, (unseen_t0, unseen_t1))
-        (side_t0, side_t1), (removed, added) = pair.sides, judged.masks
+        removed, added = judged.masks
         at = 0 if chosen.frame == "t0" else 1
         mask = (removed | side_t0.bring_mask(added), added | side_t1.bring_mask(removed))[at]
+        left_out = ignored[at]
+        if left_out is not None:
+            mask &= ~left_out  # what was carried there and back may touch its border
         return ChangeResult(
             before=pair.photo_t0.photo,
             after=pair.photo_t1.photo,
@@ -265,6 +252,7 @@ class Detector:
             preset=self.preset,
             seconds=timer.seconds,
             further_photos=evidence.further_photos,
+            ignored=left_out,
         )
 
     def _transients(

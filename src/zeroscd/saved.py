@@ -34,6 +34,7 @@ class SavedResult:
         removed: (H, W) in the t0 frame.
         added: (H, W) in the t1 frame.
         unknown: (H, W) not judged.
+        ignored: (H, W) the part of it that the user left out; None where nothing was.
         regions: The changed objects, most certain first.
         alignment: The homography, or why there is none.
         values: Everything in `changes.json`: paths, settings, preset, fractions, seconds.
@@ -47,6 +48,7 @@ class SavedResult:
     regions: tuple[Region, ...]
     alignment: Alignment | NotAligned
     values: Mapping[str, Any]
+    ignored: Mask | None = None
 
     def __iter__(self) -> Iterator[Region]:
         """Go through the regions, most certain first."""
@@ -65,8 +67,10 @@ def load(path: str | Path) -> SavedResult:
     given = Path(path)
     folder = given.parent if given.name == CHANGES else given
     values = _values(folder / CHANGES)
+    ignored = ("ignored",) if "ignored_fraction" in values else ()
     masks = {
-        name: _mask(folder / FILES[name][0]) for name in ("mask", "removed", "added", "unknown")
+        name: _mask(folder / FILES[name][0])
+        for name in ("mask", "removed", "added", "unknown", *ignored)
     }
     try:
         regions = tuple(_region(one) for one in values["regions"])
@@ -124,4 +128,5 @@ def _alignment(values: Mapping[str, Any]) -> Alignment | NotAligned:
     counts = {"inliers": values["inliers"], "matches": values["matches"]}
     if values["t1_from_t0"] is None:
         return NotAligned(reason=values["reason"], **counts)
-    return Alignment(t1_from_t0=np.array(values["t1_from_t0"]), **counts)
+    given = bool(values.get("given", False))
+    return Alignment(t1_from_t0=np.array(values["t1_from_t0"]), given=given, **counts)

@@ -2,41 +2,92 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple
+import logging
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from zeroscd.alignment.align import matching_level
+from zeroscd.alignment.align import align, blankness, matching_level
+from zeroscd.alignment.homography import homography_or_resize
+from zeroscd.alignment.known import known_alignment
 from zeroscd.alignment.matching import match
 from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
-from zeroscd.change.fusion import to_photo
-from zeroscd.judge.cues import JudgedSide, measure
-from zeroscd.judge.ground import verified_ground, verified_share
-from zeroscd.judge.sight import count_views
-from zeroscd.judge.support import (
-    MIN_SUPPORT,
-    ONE_VIEW,
-    SEVERAL_VIEWS,
-    score_of,
-    support_of,
-)
-from zeroscd.records import CoarseChange
+from zeroscd.evidence import Evidence, Pair
+from zeroscd.judge.ground import verified_ground
+from zeroscd.records import CoarseChange, NotAligned
 from zeroscd.refine.kinds import assign_kinds
-from zeroscd.refine.regions import Part, connected_parts
 from zeroscd.refine.shapes import close_gaps, drop_thin, remove_small_components
 from zeroscd.refine.strength import keep_strong
 from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
 
 if TYPE_CHECKING:
+    from zeroscd.alignment.known import KnownGeometry
     from zeroscd.arrays import Mask
     from zeroscd.change.coarse import DepthDistances
-    from zeroscd.evidence import Evidence, Pair, Side
+    from zeroscd.evidence import EncodedPhoto
     from zeroscd.judge.ground import Ground
-    from zeroscd.judge.sight import Sight
-    from zeroscd.judge.support import Scale
-    from zeroscd.records import Segments
-    from zeroscd.settings import ChangeSettings, RefineSettings, Settings
+    from zeroscd.records import Alignment, Segments
+    from zeroscd.settings import AlignSettings, ChangeSettings, RefineSettings, Settings
+    from zeroscd.timer import StageTimer
+
+
+log = logging.getLogger(__name__)
+
+
+def align_photos(
+    photo_t0: EncodedPhoto,
+    photo_t1: EncodedPhoto,
+    settings: AlignSettings,
+    known: KnownGeometry | None,
+) -> Alignment | NotAligned:
+    """Find how two photos lie to each other (paper, step 3), unless it is known.
+
+    Raises:
+        SettingsError: What is known cannot relate the photos.
+    """
+    sizes_hw = (photo_t0.size_hw, photo_t1.size_hw)
+    if known is not None:
+        return known_alignment(known, sizes_hw=sizes_hw)
+    return blankness(photo_t0.photo, photo_t1.photo) or align(
+        photo_t0.maps,
+        photo_t1.maps,
+        settings,
+        sizes_hw=sizes_hw,
+        ignored=(photo_t0.ignored, photo_t1.ignored),
+    )
+
+
+def compare_photos(
+    photo_t0: EncodedPhoto,
+    photo_t1: EncodedPhoto,
+    settings: Settings,
+    *,
+    known: KnownGeometry | None,
+    timer: StageTimer,
+) -> Evidence:
+    """Align two photos and gather everything that no threshold decides, but for segments.
+
+    Raises:
+        SettingsError: What is known cannot relate the photos.
+    """
+    with timer.stage("align"):
+        alignment = align_photos(photo_t0, photo_t1, settings.align, known)
+        if isinstance(alignment, NotAligned):
+            log.info("compared without alignment: %s", alignment.reason)
+        way = homography_or_resize(alignment, photo_t0.size_hw, photo_t1.size_hw)
+        pair = Pair(photo_t0, photo_t1, way)
+    with timer.stage("coarse"):
+        distances_t0, distances_t1 = distances(pair, settings.change)
+        ground = verified_ground_of(pair)
+    return Evidence(
+        pair=pair,
+        alignment=alignment,
+        distances_t0=distances_t0,
+        distances_t1=distances_t1,
+        ground=ground,
+        segments=None,
+        settings=settings,
+        seconds={},
+    )
 
 
 def distances(pair: Pair, settings: ChangeSettings) -> tuple[DepthDistances, DepthDistances | None]:
@@ -149,103 +200,3 @@ def verified_ground_of(pair: Pair) -> tuple[Ground, Ground]:
             size_there_hw=pair.photo_t0.size_hw,
         ),
     )
-
-
-class Judged(NamedTuple):
-    """What is believed: changed parts of t0 and of t1, and what is not judged in either."""
-
-    parts: tuple[list[Part], list[Part]]
-    masks: tuple[Mask, Mask]
-    unknown: tuple[Mask, Mask]
-
-
-def judge(
-    pair: Pair,
-    sights: tuple[Sight, Sight],
-    masks: tuple[Mask, Mask],
-    step: Literal["all", "likely", "sure"],
-) -> Judged:
-    """Keep the parts with enough support; where nothing can be said is unknown.
-
-    Args:
-        pair: Both photos.
-        sights: What the views say of t0 and of t1.
-        masks: What changed in t0 and in t1.
-        step: How much support is enough.
-    """
-    parts = tuple(
-        _parts(mask, side, sight)
-        for side, sight, mask in zip(pair.sides, sights, masks, strict=True)
-    )
-    kept = tuple(
-        [p for p in own if p.support >= MIN_SUPPORT[_step_for(p, sight, step)]]
-        for own, sight in zip(parts, sights, strict=True)
-    )
-    believed = tuple(
-        unite((part.segment for part in own), mask.shape)
-        for own, mask in zip(kept, masks, strict=True)
-    )
-    rejected = masks[0] & ~believed[0], masks[1] & ~believed[1]
-    side_t0, side_t1 = pair.sides
-    not_judged = (
-        rejected[0] | side_t0.bring_mask(rejected[1]),
-        rejected[1] | side_t1.bring_mask(rejected[0]),
-    )
-    unknown = tuple(
-        sight.coarse.unknown | doubtful | _unverified(sight, step)
-        for sight, doubtful in zip(sights, not_judged, strict=True)
-    )
-    return Judged((kept[0], kept[1]), (believed[0], believed[1]), (unknown[0], unknown[1]))
-
-
-def _parts(mask: Mask, side: Side, sight: Sight) -> list[Part]:
-    judged = _judged_side(side, sight)
-    parts = []
-    for segment in connected_parts(mask):
-        seen_by, agreed_by = count_views(segment, sight)
-        scale = _scale(seen_by)
-        support = support_of(measure(segment, judged), scale)
-        parts.append(Part(segment, support, score_of(support, scale), seen_by, agreed_by))
-    return parts
-
-
-def _scale(seen_by: int) -> Scale:
-    return SEVERAL_VIEWS if seen_by > 1 else ONE_VIEW
-
-
-def _step_for(
-    part: Part, sight: Sight, step: Literal["all", "likely", "sure"]
-) -> Literal["all", "likely", "sure"]:
-    """Ask for more where only one of several views shows a part: it lies at their border."""
-    alone = len(sight.views) > 1 and part.seen_by == 1
-    return "sure" if alone and step == "likely" else step
-
-
-def _judged_side(side: Side, sight: Sight) -> JudgedSide:
-    here, there = side.here.maps, side.there.maps
-    largest = here[0].grid.size_hw
-    return JudgedSide(
-        coarse=sight.coarse,
-        ground=sight.ground,
-        fine=here[min(matching_level(here) + 1, len(here) - 1)].grid,
-        coarsest=[
-            (own, other)
-            for own, other in zip(here, there, strict=True)
-            if own.grid.size_hw == largest
-        ],
-        carry=side.carry,
-    )
-
-
-def _unverified(sight: Sight, step: Literal["all", "likely", "sure"]) -> Mask:
-    """Mark the pixels whose surroundings are not verified well enough to call them unchanged."""
-    unknown, ground = sight.coarse.unknown, sight.ground
-    if step == "all":
-        return np.zeros(unknown.shape, dtype=bool)
-    share = to_photo(
-        verified_share(ground, unknown),
-        ground.grid,
-        size_hw=(unknown.shape[0], unknown.shape[1]),
-    )
-    ring = _scale(len(sight.views)).ring
-    return np.asarray(share < (ring.likely if step == "likely" else ring.sure))

@@ -118,9 +118,7 @@ def sights(evidence: Evidence, settings: Settings, *, tau: float) -> tuple[Sight
         Of the photo before and of the photo after.
     """
     own = coarse_changes(evidence, settings, tau=tau)
-    others = [
-        (coarse_changes(other.evidence, settings, tau=tau), other) for other in evidence.others
-    ]
+    others = [(_unhidden(other.evidence, settings, tau), other) for other in evidence.others]
 
     def sight(side: int) -> Sight:
         carried = [
@@ -131,6 +129,26 @@ def sights(evidence: Evidence, settings: Settings, *, tau: float) -> tuple[Sight
         return _sight(own[side], evidence.ground[side], carried, consensus=settings.consensus)
 
     return sight(0), sight(1)
+
+
+def _unhidden(
+    evidence: Evidence, settings: Settings, tau: float
+) -> tuple[CoarseChange, CoarseChange]:
+    """Return what another pair says; of what a hood hides in it, it says nothing."""
+    coarse_t0, coarse_t1 = (
+        coarse
+        if (ignored := side.ignored()) is None
+        else replace(
+            coarse,
+            distance=np.where(ignored, np.float32(0), coarse.distance),
+            changed=coarse.changed & ~ignored,
+            unknown=coarse.unknown | ignored,
+        )
+        for coarse, side in zip(
+            coarse_changes(evidence, settings, tau=tau), evidence.pair.sides, strict=True
+        )
+    )
+    return coarse_t0, coarse_t1
 
 
 def several(refine: RefineSettings) -> RefineSettings:

@@ -47,7 +47,7 @@ def test_only_the_wanted_files_are_drawn(result: ChangeResult) -> None:
     assert list(found) == ["changes.json", "removed.png"]
     assert json.loads(found["changes.json"])["frame"] == "t1"
     assert render(result, []) == {}
-    assert len(render(result)) == len(PROMISED)
+    assert len(render(result, PROMISED)) == len(PROMISED)
 
 
 def test_an_unknown_file_is_refused_with_the_known_ones() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from zeroscd.text import one_line
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+    from zeroscd.arrays import Homography
 
     KnownGeometry: TypeAlias = Literal["none"] | ArrayLike
 
@@ -53,6 +55,17 @@ def known_alignment(
     return Alignment(t1_from_t0=homography, inliers=0, matches=0, given=True)
 
 
+def refuse_for_several(t1_from_t0: KnownGeometry) -> None:
+    """Refuse a homography where a side has several photos, of which it can relate one pair only.
+
+    Raises:
+        SettingsError: It is no `FIXED`.
+    """
+    if not isinstance(t1_from_t0, str):
+        message = f"t1_from_t0 relates two photos, not several; give one a side, or {FIXED!r}"
+        raise SettingsError(message)
+
+
 def read_geometry(value: str) -> KnownGeometry:
     """Read what a user names: "none", or a file with a homography.
 
@@ -77,7 +90,7 @@ def read_geometry(value: str) -> KnownGeometry:
         raise SettingsError(message) from error
 
 
-def parse_homography(content: bytes, *, name: str) -> ArrayLike:
+def parse_homography(content: bytes, *, name: str) -> Homography:
     """Read 3 x 3 numbers from JSON, alone or as `t1_from_t0`, or from text.
 
     Raises:
@@ -103,7 +116,7 @@ def _from_text(text: str) -> list[list[str]] | None:
     return [numbers[i : i + 3] for i in (0, 3, 6)] if len(numbers) == NUMBERS else None
 
 
-def _checked(value: Any, *, name: str) -> Any:  # noqa: ANN401 - checked here
+def _checked(value: object, *, name: str) -> Homography:
     try:
         homography = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -114,4 +127,4 @@ def _checked(value: Any, *, name: str) -> Any:  # noqa: ANN401 - checked here
     if abs(np.linalg.det(homography)) < np.finfo(float).eps or homography[2, 2] == 0:
         message = f"the homography in {name} cannot be inverted; {REMEDY}"
         raise SettingsError(message)
-    return homography / homography[2, 2]
+    return np.asarray(homography / homography[2, 2])

@@ -31,6 +31,7 @@ def changes(result: Changes) -> dict[str, Any]:
         "alignment": _alignment(result.alignment),
         "changed_fraction": float(result.changed_fraction),
         "judged_fraction": float(result.judged_fraction),
+        **_ignored(result),
         "regions": [
             region_values(region) | (_views(region) if result.further_photos else {})
             for region in result.regions
@@ -44,6 +45,12 @@ def changes(result: Changes) -> dict[str, Any]:
 def _photo(photo: Photo) -> dict[str, Any]:
     height, width = photo.size_hw
     return {"path": photo.path, "width": width, "height": height}
+
+
+def _ignored(result: Changes) -> dict[str, Any]:
+    if result.ignored is None:
+        return {}
+    return {"ignored_fraction": float(result.ignored.mean())}
 
 
 def _further_photos(result: Changes) -> dict[str, Any]:
@@ -81,6 +88,7 @@ def _alignment(alignment: Alignment | NotAligned) -> dict[str, Any]:
         "inliers": int(alignment.inliers),
         "matches": int(alignment.matches),
         "reason": alignment.reason if isinstance(alignment, NotAligned) else None,
+        **({"given": True} if isinstance(alignment, Alignment) and alignment.given else {}),
     }
 
 

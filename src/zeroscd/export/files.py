@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from zeroscd.errors import SettingsError
 from zeroscd.export.changes import changes_json
 from zeroscd.export.coco import coco_json
@@ -18,12 +20,18 @@ if TYPE_CHECKING:
 
     from zeroscd.records import Changes
 
+
+def _ignored(result: Changes) -> bytes:
+    return png(np.zeros_like(result.mask) if result.ignored is None else result.ignored)
+
+
 REPORT, CHANGES = "report.html", "changes.json"
 FILES: dict[str, tuple[str, Callable[[Changes], bytes]]] = {
     "mask": ("mask.png", lambda result: png(result.mask)),
     "removed": ("removed.png", lambda result: png(result.removed)),
     "added": ("added.png", lambda result: png(result.added)),
     "unknown": ("unknown.png", lambda result: png(result.unknown)),
+    "ignored": ("ignored.png", _ignored),
     "overlay": ("overlay.png", lambda result: png(draw_overlay(result))),
     "report": (REPORT, lambda result: render_report(result).encode("utf-8", "replace")),
     "json": (CHANGES, changes_json),
@@ -55,9 +63,14 @@ def file_names(wanted: Iterable[str]) -> tuple[str, ...]:
     return tuple(FILES[name][0] for name in wanted)
 
 
-def render(result: Changes, wanted: Iterable[str] = PROMISED) -> dict[str, bytes]:
+def render(result: Changes, wanted: Iterable[str]) -> dict[str, bytes]:
     """Return the wanted files' contents by file name."""
     return {file: draw(result) for file, draw in (FILES[name] for name in wanted)}
+
+
+def promised(result: Changes) -> tuple[str, ...]:
+    """Return the names of the files that a saved result has."""
+    return PROMISED if result.ignored is None else (*PROMISED, "ignored")
 
 
 def save_result(result: Changes, folder: str | Path) -> None:
@@ -68,4 +81,4 @@ def save_result(result: Changes, folder: str | Path) -> None:
     Raises:
         OutputError: The folder cannot be written; nothing of this result is then in it.
     """
-    write_together(Path(folder), render(result))
+    write_together(Path(folder), render(result, promised(result)))

@@ -37,13 +37,15 @@ def warnings(result: Changes) -> list[str]:
             f"The photos could not be aligned: {reason}. They were compared as they lie, "
             "so a moved camera may look like change."
         )
-    unseen = float(result.unseen.mean())
-    if unseen > MOSTLY_UNSEEN:
+    unseen, wanted = float(result.unseen.mean()), 1 - _ignored_fraction(result)
+    if wanted == 0:
+        found.append("All of the photo is left out; nothing is said about it.")
+    elif unseen > MOSTLY_UNSEEN:
         found.append(
             f"Only {percent(1 - unseen)} of the photo is visible in both photos; "
             "nothing is said about the rest."
         )
-    elif result.judged_fraction < HARDLY_JUDGED:
+    elif result.judged_fraction < HARDLY_JUDGED * wanted:
         found.append(
             f"Only {percent(result.judged_fraction)} of the photo could be judged: elsewhere the "
             "photos match too little, because the camera moved or light and season differ too "
@@ -59,10 +61,12 @@ def alignment_sentence(result: Changes) -> str:
         return f"Not aligned ({alignment.inliers} of {alignment.matches} matches agreed)."
     height, width = result.before.size_hw
     shift, degrees, scale = motion(alignment, ((width - 1) / 2, (height - 1) / 2))
-    ratio = alignment.inliers / max(alignment.matches, 1)
+    inliers, matches = alignment.inliers, alignment.matches
+    how = f"Aligned: {inliers} of {matches} matches agree ({percent(inliers / max(matches, 1))})."
+    if alignment.given:
+        how = "Aligned as given."
     return (
-        f"Aligned: {alignment.inliers} of {alignment.matches} matches agree ({percent(ratio)}). "
-        f"In the middle of the picture the view moved by {shift:.0f} px, turned by "
+        f"{how} In the middle of the picture the view moved by {shift:.0f} px, turned by "
         f"{degrees:.1f}° and scaled by {scale:.2f}."
     )
 
@@ -97,14 +101,21 @@ def coverage_sentence(result: Changes) -> str:
     """Say how much of the frame's photo could be compared at all."""
     if not result.unknown.any():
         return "The whole photo was judged."
-    unseen = float(result.unseen.mean())
-    unverified = float(result.unknown.mean()) - unseen
+    unseen, ignored = float(result.unseen.mean()), _ignored_fraction(result)
+    # Rounding must not leave a rest of it.
+    unverified = max(0.0, round(float(result.unknown.mean()) - unseen - ignored, 9))
     reasons = {
+        f"{percent(ignored)} left out": ignored,
         f"{percent(unseen)} not in view of both photos": unseen,
         f"{percent(unverified)} in surroundings that match too little": unverified,
     }
     why = ", ".join(reason for reason, share in reasons.items() if share > 0)
     return f"{percent(result.judged_fraction)} of the photo was judged. Hatched: {why}."
+
+
+def _ignored_fraction(result: Changes) -> float:
+    """Return the share of the photo that both photos show and the user left out."""
+    return 0.0 if result.ignored is None else float((result.ignored & ~result.unseen).mean())
 
 
 def motion(alignment: Alignment, at_xy: tuple[float, float]) -> tuple[float, float, float]:

@@ -127,13 +127,16 @@ def _filled(value: object, size_hw: tuple[int, int], name: str) -> Mask:
     """Fill polygons; holes of GeoJSON's stay empty."""
     try:
         polygons = list(_polygons(value))
-    except (TypeError, ValueError, KeyError, AttributeError) as error:
-        message = f"{name} holds no polygons ({one_line(str(error))}); give {FORMATS_TEXT}"
+    except (TypeError, ValueError, LookupError, AttributeError) as error:
+        why = f" ({one_line(str(error))})" if isinstance(error, ValueError) else ""
+        message = f"{name} holds no polygons{why}; give {FORMATS_TEXT}"
         raise ImageError(message) from error
     filled = np.zeros(size_hw, dtype=bool)
     for outer, *holes in polygons:
-        hole = [_inside(ring, size_hw) for ring in holes]
-        filled |= _inside(outer, size_hw) & ~np.logical_or.reduce(hole or [np.False_])
+        inside = _inside(outer, size_hw)
+        for hole in holes:
+            inside &= ~_inside(hole, size_hw)
+        filled |= inside
     if not filled.any():
         height, width = size_hw
         message = f"{name} encloses nothing of its photo, {width} x {height}; give pixels (x, y)"

@@ -39,15 +39,48 @@ class Part(NamedTuple):
     agreed_by: int = 1
 
 
-def connected_parts(mask: Mask) -> list[Segment]:
-    """Return the connected parts of a mask; pixels that touch at a corner are connected."""
+def connected_parts(mask: Mask, *, offset_xy: tuple[int, int] = (0, 0)) -> list[Segment]:
+    """Return the connected parts of a mask; pixels that touch at a corner are connected.
+
+    Args:
+        mask: (H, W).
+        offset_xy: Where its first pixel lies in the photo.
+    """
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     parts = []
     for label in range(1, count):
         x, y, w, h = (int(value) for value in boxes[label, :4])
-        part = Segment.from_mask(labels[y : y + h, x : x + w] == label, offset_xy=(x, y))
+        part = Segment.from_mask(
+            labels[y : y + h, x : x + w] == label, offset_xy=(offset_xy[0] + x, offset_xy[1] + y)
+        )
         parts += [part] if part is not None else []
     return parts
+
+
+def cut_out(parts: Iterable[Part], ignored: Mask, *, min_area_px: int) -> list[Part]:
+    """Take what does not count out of changed parts.
+
+    Args:
+        parts: Of one photo; those that lie elsewhere stay as they are.
+        ignored: (H, W) what does not count in it.
+        min_area_px: What is left of a part is kept from this size on.
+
+    Returns:
+        What is left has the support and the score of the part it was.
+    """
+    left = []
+    for part in parts:
+        outside = part.segment.crop() & ~ignored[part.segment.window]
+        if np.count_nonzero(outside) == part.segment.area_px:
+            left.append(part)
+            continue
+        x, y = part.segment.bbox_xywh[:2]
+        left += [
+            part._replace(segment=segment)
+            for segment in connected_parts(outside, offset_xy=(x, y))
+            if segment.area_px >= min_area_px
+        ]
+    return left
 
 
 def find_regions(
