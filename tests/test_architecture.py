@@ -28,7 +28,7 @@ LAYERS = (
     ("weights",),
     ("encoders", "alignment", "change", "segmenters", "refine", "judge"),
     ("models", "evidence", "pages"),
-    ("fingerprint", "export"),
+    ("given", "fingerprint", "export"),
     ("steps", "judging", "result", "saved"),
     ("views",),
     ("detector",),

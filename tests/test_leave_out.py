@@ -186,7 +186,9 @@ def test_a_known_geometry_is_taken_as_it_is(detect: Any, draw_scene: Any, tmp_pa
     assert alignment_sentence(result).startswith("Aligned as given.")
     assert changes(result)["alignment"]["given"] is True
     result.save(tmp_path)
-    assert zeroscd.load(tmp_path).alignment.given
+    loaded = zeroscd.load(tmp_path).alignment
+    assert isinstance(loaded, Alignment)
+    assert loaded.given
 
 
 def test_a_camera_that_did_not_move_is_compared_pixel_on_pixel(

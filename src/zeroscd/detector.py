@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 from zeroscd.alignment.known import refuse_for_several
 from zeroscd.errors import ImageError
 from zeroscd.evidence import EncodedPhoto, Evidence
+from zeroscd.given import Given
 from zeroscd.images.read import read_photo
-from zeroscd.judging import judge, leave_out
+from zeroscd.judging import changed_in_both, judge, leave_out
 from zeroscd.models import Models, load_models
 from zeroscd.progress import Silent
 from zeroscd.records import Transients
@@ -116,11 +118,14 @@ class Detector:
         timer = StageTimer()
         old, new = _listed(before, "before"), _listed(after, "after")
         encoded = self.encode([*old, *new], timer=timer)
-        if ignore_all is not None:
-            encoded = [photo.leave_out(ignore=ignore_all) for photo in encoded]
-        for first, area, wanted in ((0, ignore_before, roi_before), (len(old), ignore, roi)):
-            encoded[first] = encoded[first].leave_out(ignore=area, roi=wanted)
-        sides = encoded[: len(old)], encoded[len(old) :]
+        given = Given(
+            ignore=ignore,
+            ignore_before=ignore_before,
+            roi=roi,
+            roi_before=roi_before,
+            ignore_all=ignore_all,
+        )
+        sides = given.mark(encoded[: len(old)], encoded[len(old) :])
         result = self.decide(self.compare(*sides, t1_from_t0=t1_from_t0, timer=timer))
         if not transients:
             return result
@@ -187,15 +192,8 @@ class Detector:
         new = [after] if isinstance(after, EncodedPhoto) else after
         if t1_from_t0 is not None and len(old) * len(new) > 1:
             refuse_for_several(t1_from_t0)
-        evidence = join(
-            [
-                [
-                    compare_photos(one_t0, one_t1, self.settings, known=t1_from_t0, timer=timer)
-                    for one_t1 in new
-                ]
-                for one_t0 in old
-            ]
-        )
+        both = partial(compare_photos, settings=self.settings, known=t1_from_t0, timer=timer)
+        evidence = join([[both(photo_t0, photo_t1) for photo_t1 in new] for photo_t0 in old])
         with timer.stage("segment"):
             everything = self.settings.segment.prompting == "everything"
             segments = all_segments(evidence.pair) if everything else None
@@ -225,17 +223,12 @@ class Detector:
             masks = removed_and_added(pair, coarse, segments, rules)
         with timer.stage("judge"):
             judged = judge(pair, seen, masks, chosen.judge)
-            side_t0, side_t1 = pair.sides
-            ignored = side_t0.ignored(), side_t1.ignored()
-            judged = leave_out(judged, ignored, min_area_px=rules.min_area_px)
+            judged = leave_out(judged, pair, min_area_px=rules.min_area_px)
             unseen_t0, unseen_t1 = (one.unknown for one in coarse)
             regions = find_regions(*judged.parts, (unseen_t0, unseen_t1))
         removed, added = judged.masks
         at = 0 if chosen.frame == "t0" else 1
-        mask = (removed | side_t0.bring_mask(added), added | side_t1.bring_mask(removed))[at]
-        left_out = ignored[at]
-        if left_out is not None:
-            mask &= ~left_out  # what was carried there and back may touch its border
+        mask = changed_in_both(judged, pair)[at]
         return ChangeResult(
             before=pair.photo_t0.photo,
             after=pair.photo_t1.photo,
@@ -252,7 +245,7 @@ class Detector:
             preset=self.preset,
             seconds=timer.seconds,
             further_photos=evidence.further_photos,
-            ignored=left_out,
+            ignored=judged.ignored[at],
         )
 
     def _transients(

@@ -29,11 +29,19 @@ if TYPE_CHECKING:
 
 
 class Judged(NamedTuple):
-    """What is believed: changed parts of t0 and of t1, and what is not judged in either."""
+    """What is believed of t0 and of t1, each in its frame.
+
+    Attributes:
+        parts: What changed.
+        masks: The same as masks.
+        unknown: What is not judged.
+        ignored: What does not count; None where all counts.
+    """
 
     parts: tuple[list[Part], list[Part]]
     masks: tuple[Mask, Mask]
     unknown: tuple[Mask, Mask]
+    ignored: tuple[Mask | None, Mask | None] = (None, None)
 
 
 def judge(
@@ -75,30 +83,44 @@ def judge(
     return Judged((kept[0], kept[1]), (believed[0], believed[1]), (unknown[0], unknown[1]))
 
 
-def leave_out(
-    judged: Judged, ignored: tuple[Mask | None, Mask | None], *, min_area_px: int
-) -> Judged:
+def leave_out(judged: Judged, pair: Pair, *, min_area_px: int) -> Judged:
     """Take what the user left out of what is believed: it is neither changed nor unchanged.
 
     Args:
         judged: What is believed of both photos.
-        ignored: What does not count in t0, and in t1; None where all counts.
+        pair: Both photos, with what does not count in each.
         min_area_px: What is left of a part is kept from this size on.
     """
-    sides = [
-        (parts, mask, unknown)
-        if area is None
-        else _without(parts, unknown, area, min_area_px=min_area_px)
-        for parts, mask, unknown, area in zip(*judged, ignored, strict=True)
-    ]
-    return Judged(*((of_t0, of_t1) for of_t0, of_t1 in zip(*sides, strict=True)))
+    ignored_t0, ignored_t1 = (side.ignored() for side in pair.sides)
+    if ignored_t0 is None or ignored_t1 is None:  # what is ignored in one photo is so in both
+        return judged
+    ignored = ignored_t0, ignored_t1
+    parts_t0, parts_t1 = (
+        cut_out(parts, area, min_area_px=min_area_px)
+        for parts, area in zip(judged.parts, ignored, strict=True)
+    )
+    unknown_t0, unknown_t1 = judged.unknown
+    return Judged(
+        parts=(parts_t0, parts_t1),
+        masks=(
+            unite((part.segment for part in parts_t0), ignored_t0.shape),
+            unite((part.segment for part in parts_t1), ignored_t1.shape),
+        ),
+        unknown=(unknown_t0 | ignored_t0, unknown_t1 | ignored_t1),
+        ignored=ignored,
+    )
 
 
-def _without(
-    parts: list[Part], unknown: Mask, ignored: Mask, *, min_area_px: int
-) -> tuple[list[Part], Mask, Mask]:
-    left = cut_out(parts, ignored, min_area_px=min_area_px)
-    return left, unite((part.segment for part in left), ignored.shape), unknown | ignored
+def changed_in_both(judged: Judged, pair: Pair) -> tuple[Mask, Mask]:
+    """Return everything that changed, removed and added, in the frame of t0 and in that of t1."""
+    (side_t0, side_t1), (removed, added) = pair.sides, judged.masks
+    changed = removed | side_t0.bring_mask(added), added | side_t1.bring_mask(removed)
+    # What was carried there and back may touch the border of what does not count.
+    mask_t0, mask_t1 = (
+        mask if ignored is None else mask & ~ignored
+        for mask, ignored in zip(changed, judged.ignored, strict=True)
+    )
+    return mask_t0, mask_t1
 
 
 def _parts(mask: Mask, side: Side, sight: Sight) -> list[Part]:

@@ -59,8 +59,8 @@ def align_photos(
 def compare_photos(
     photo_t0: EncodedPhoto,
     photo_t1: EncodedPhoto,
-    settings: Settings,
     *,
+    settings: Settings,
     known: KnownGeometry | None,
     timer: StageTimer,
 ) -> Evidence:

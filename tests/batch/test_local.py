@@ -83,13 +83,13 @@ def test_no_more_pairs_than_workers_are_compared_at_once(street: Path, toy: Modu
     together = threading.Barrier(2)
 
     class Counting(toy.ToyDetector):  # type: ignore[name-defined,misc]
-        def compare(self, *views: Any) -> Any:
+        def compare(self, *views: Any, **known: Any) -> Any:
             nonlocal now, most
             with turn:
                 now += 1
                 most = max(most, now)
             together.wait(PATIENCE_S)  # breaks unless two are here at once
-            found = super().compare(*views)
+            found = super().compare(*views, **known)
             with turn:
                 now -= 1
             return found

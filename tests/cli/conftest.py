@@ -29,6 +29,7 @@ class ToyDetector:
 
     requests: list[tuple[str, str, dict[str, object]]] = field(default_factory=list)
     failure: BaseException | None = None
+    given: dict[str, object] = field(default_factory=dict)
 
     def from_preset(
         self, name: str, *, device: str = "auto", overrides: Mapping[str, object] | None = None
@@ -37,8 +38,14 @@ class ToyDetector:
         return self
 
     def detect(
-        self, paths_t0: Sequence[Path], paths_t1: Sequence[Path], *, transients: bool = False
+        self,
+        paths_t0: Sequence[Path],
+        paths_t1: Sequence[Path],
+        *,
+        transients: bool = False,
+        **given: object,
     ) -> ChangeResult:
+        self.given = given
         if self.failure is not None:
             raise self.failure
         before, after = read_photo(paths_t0[0]), read_photo(paths_t1[0])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     class Toy(Protocol):
         requests: list[tuple[str, str, dict[str, object]]]
         failure: BaseException | None
+        given: dict[str, object]
 
 
 @pytest.fixture
@@ -157,3 +158,57 @@ def test_overrides_split_at_the_first_equals_sign() -> None:
     assert parse_overrides(None) == {}
     with pytest.raises(SettingsError, match="not 'tau'"):
         parse_overrides(["tau"])
+
+
+def test_areas_and_a_known_geometry_reach_the_detector(
+    command: list[str], tmp_path: Path, toy_detector: Toy
+) -> None:
+    box = tmp_path / "box.json"
+    box.write_text("[[[0, 0], [9, 0], [9, 9], [0, 9]]]")
+    mask = tmp_path / "mask.png"
+    Image.fromarray(np.full((40, 60), 255, np.uint8)).save(mask)
+    areas = ["--ignore", str(box), "--roi-before", str(mask), "--ignore-all", str(box)]
+    assert run([*command, *areas, "--align", "none"]) == 0
+    assert toy_detector.given == {
+        "ignore": box,
+        "roi_before": mask,
+        "ignore_all": box,
+        "t1_from_t0": "none",
+    }
+    assert run(command) == 0
+    assert toy_detector.given == {}
+
+
+def test_a_homography_is_read_from_a_file(
+    command: list[str], tmp_path: Path, toy_detector: Toy
+) -> None:
+    (tmp_path / "shift.txt").write_text("1 0 8 0 1 0 0 0 1")
+    assert run([*command, "--align", str(tmp_path / "shift.txt")]) == 0
+    assert np.array_equal(
+        np.asarray(toy_detector.given["t1_from_t0"]), [[1, 0, 8], [0, 1, 0], [0, 0, 1]]
+    )
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--ignore", "before.png is not black and white"),
+        ("--ignore-before", "odd.png has 30 x 30 pixels and its photo 60 x 40"),
+        ("--roi", "nowhere.png does not exist"),
+        ("--align", "cannot read"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_before_the_networks_are_loaded(
+    command: list[str], tmp_path: Path, toy_detector: Toy, option: str, message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    Image.fromarray(np.zeros((30, 30), np.uint8)).save(tmp_path / "odd.png")
+    names = {"--ignore": "before.png", "--ignore-before": "odd.png"}
+    value = tmp_path / names.get(option, "nowhere.png")
+    assert run([*command, option, str(value)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert message in error
+    assert error.count("\n") == 1
+    assert toy_detector.requests == []
+    assert not (tmp_path / "out").exists()

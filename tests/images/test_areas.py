@@ -39,14 +39,15 @@ def png_of(array: Any) -> bytes:
 
 
 def geojson(kind: str) -> dict[str, Any]:
-    polygon = {"type": "Polygon", "coordinates": [[*BOX, BOX[0]]]}
+    polygon: dict[str, Any] = {"type": "Polygon", "coordinates": [[*BOX, BOX[0]]]}
     feature = {"type": "Feature", "geometry": polygon, "properties": {}}
-    return {
+    kinds: dict[str, dict[str, Any]] = {
         "Polygon": polygon,
         "MultiPolygon": {"type": "MultiPolygon", "coordinates": [polygon["coordinates"]]},
         "Feature": feature,
         "FeatureCollection": {"type": "FeatureCollection", "features": [feature]},
-    }[kind]
+    }
+    return kinds[kind]
 
 
 SOURCES = {
@@ -92,7 +93,7 @@ def test_a_hole_of_geojson_stays_empty() -> None:
 def test_the_polygons_of_regions_come_back_as_their_pixels(mask: Mask) -> None:
     rings = outer_polygons(mask)
     if rings:
-        again = read_area([list(ring) for ring in rings], size_hw=mask.shape)  # type: ignore[arg-type]
+        again = read_area([list(ring) for ring in rings], size_hw=mask.shape)
         assert outer_polygons(again) == rings
 
 
@@ -114,8 +115,10 @@ WRONG = {
     "other JSON": (b'{"hood": [1, 2]}', "holds no polygons"),
     "a line": ({"type": "LineString", "coordinates": BOX}, "a LineString is no polygon"),
     "two points": ([[(1, 1), (2, 2)]], "a polygon of 2 points"),
-    "no numbers": ([[(1, 1), (2, float("nan")), (3, 3)]], "beyond 100000 pixels"),
+    "no numbers": ([[(1, 1), (2, float("nan")), (3, 3)]], "more outlines, or longer ones"),
     "nothing": ([], "holds no polygons"),
+    "far too long": ([[(0, 0), (1e9, 1e9), (0, 1e9)]], "more outlines, or longer ones"),
+    "too many": ([BOX] * 1001, "more outlines, or longer ones"),
     "elsewhere": ([[(90, 90), (99, 90), (99, 99)]], "encloses nothing of its photo, 9 x 6"),
     "no picture": (b"hood", "hood"),
     "a number": (7, "holds no polygons"),

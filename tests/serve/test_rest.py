@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import json
 import threading
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -48,6 +49,52 @@ def test_several_photos_of_a_side_give_what_the_detector_finds_in_them(
     found = answer.json()
     assert [one["left_out"] is None for one in found["further_photos"]] == [True, False]
     assert {**found, "seconds": 0} == {**expected, "seconds": 0}
+
+
+def test_areas_and_geometry_give_what_the_detector_finds_with_them(
+    served: Any, pair: Any, png_of: Any
+) -> None:
+    hood = np.zeros(pair.scene.after.shape[:2], np.uint8)
+    hood[: len(hood) // 2] = 255
+    box = [[[0, 0], [300, 0], [300, 150], [0, 150]]]
+    files = [
+        *pair.files().items(),
+        ("ignore", ("hood.png", png_of(hood), "image/png")),
+        ("roi_before", ("roi.json", json.dumps(box).encode(), "application/json")),
+    ]
+    answer = served.client.post("/v1/detect", files=files, data={"align": "none"})
+    detector = served.service.detectors["toy"]
+    expected = changes(
+        detector.detect(
+            pair.scene.before, pair.scene.after, ignore=hood, roi_before=box, t1_from_t0="none"
+        )
+    )
+    assert {**answer.json(), "seconds": 0} == {**expected, "seconds": 0}
+    assert 0.5 < answer.json()["ignored_fraction"] < 1
+    assert answer.json()["alignment"]["given"] is True
+
+
+@pytest.mark.parametrize(
+    ("field", "content", "status", "message"),
+    [
+        ("ignore", b"[[[1, 1]]]", 422, "a polygon of 1 points"),
+        ("roi", b"hood", 415, "the file roi is no photo that this server reads"),
+        ("ignore", b"[" + b"[[1,1],[2,2],[1,2]]," * 10_000 + b"]", 413, "larger than 200 kB"),
+    ],
+    ids=["point", "text", "large"],
+)
+def test_an_area_that_cannot_be_used_is_named(
+    served: Any, pair: Any, field: str, content: bytes, status: int, message: str
+) -> None:
+    files = [*pair.files().items(), (field, ("area", content, "application/octet-stream"))]
+    answer = served.client.post("/v1/detect", files=files)
+    assert (answer.status_code, message in answer.json()["detail"]) == (status, True)
+
+
+def test_a_geometry_that_cannot_be_used_is_refused(served: Any, pair: Any) -> None:
+    answer = served.client.post("/v1/detect", files=pair.files(), data={"align": "1 2 3"})
+    assert answer.status_code == 422
+    assert "the field align holds no homography" in answer.json()["detail"]
 
 
 def test_a_further_photo_that_cannot_be_used_is_named(served: Any, pair: Any) -> None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 MATCHING_CELLS = 4096  # all-pairs matching uses the finest map with no more patches than this
 REFINING_POINTS = 4096  # patches tried on each finer map
 NOTHING = (None, None)
+# Share of inliers on a hood from which the homography is the hood's, which agrees with little else.
+NEARLY_ALL = 0.9
 
 
 def align(
@@ -45,7 +47,7 @@ def align(
         settings: Tolerances and rules.
         sizes_hw: Height and width of the photo before and of the photo after.
         ignored: What does not count in the photo before, and in the photo after: a hood that moves
-            with the camera. Matches there are left out if most inliers are such.
+            with the camera. Matches there are left out if nearly all inliers are such.
     """
     symmetric = settings.matching == "mutual"
     swapped = maps_t1[-1].descriptors.tobytes() < maps_t0[-1].descriptors.tobytes()
@@ -86,7 +88,7 @@ def _align_in_order(
     points = _match_all(maps_a[level], maps_b[level], settings)
     found = _estimate(points, maps_b[level], settings)
     counting = photos.counting(points)
-    led_astray = found is not None and _mostly(~counting, of=found.inliers)
+    led_astray = found is not None and _nearly_all(~counting, of=found.inliers)
     if led_astray:
         points = PointMatches(*(one[counting] for one in points))
         found = _estimate(points, maps_b[level], settings)
@@ -174,8 +176,8 @@ def _sharpen(
     return found
 
 
-def _mostly(part: Mask, *, of: Mask) -> bool:
-    return bool(2 * np.count_nonzero(part & of) > np.count_nonzero(of))
+def _nearly_all(part: Mask, *, of: Mask) -> bool:
+    return bool(np.count_nonzero(part & of) > NEARLY_ALL * np.count_nonzero(of))
 
 
 def blankness(photo_t0: Photo, photo_t1: Photo) -> NotAligned | None:

@@ -83,23 +83,28 @@ def read_geometry(value: str) -> KnownGeometry:
         if path.stat().st_size > MAX_BYTES:
             message = f"{one_line(value)} is too large for nine numbers; {REMEDY}"
             raise SettingsError(message)
-        return parse_homography(path.read_bytes(), name=one_line(value))
+        return geometry_in(path.read_bytes(), name=one_line(value))
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         message = f"cannot read {one_line(value)}: {reason}; give {FIXED!r} or a file"
         raise SettingsError(message) from error
 
 
-def parse_homography(content: bytes, *, name: str) -> Homography:
-    """Read 3 x 3 numbers from JSON, alone or as `t1_from_t0`, or from text.
+def geometry_in(content: bytes, *, name: str) -> KnownGeometry:
+    """Read the same from the bytes of a file, or from the word "none".
 
     Raises:
-        SettingsError: It is something else.
+        SettingsError: They hold something else.
 
     Example:
-        >>> parse_homography(b"1 0 8, 0 1 0, 0 0 1", name="shift.txt")[0].tolist()
+        >>> geometry_in(b"1 0 8, 0 1 0, 0 0 1", name="shift.txt")[0].tolist()
         [1.0, 0.0, 8.0]
     """
+    return FIXED if content.strip() == FIXED.encode() else _homography(content, name=name)
+
+
+def _homography(content: bytes, *, name: str) -> Homography:
+    """Read 3 x 3 numbers from JSON, alone or as `t1_from_t0`, or from text."""
     text = content.decode("utf-8", "replace")
     try:
         value = json.loads(text)

@@ -9,20 +9,26 @@ from operator import attrgetter
 from threading import Lock
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from zeroscd.alignment.known import FIXED
 from zeroscd.batch.address import Fetcher
 from zeroscd.batch.task import FIRST, Outcome
 from zeroscd.cache import ExpiringCache
 from zeroscd.detector import Detector
+from zeroscd.errors import ImageError, SettingsError
 from zeroscd.export.files import render
 from zeroscd.export.table import change_rows, pair_row
 from zeroscd.fingerprint import digest, digest_code, digest_values, digest_weights, versions
+from zeroscd.given import ALIGN, Given
 from zeroscd.images.exif import read_exif
 from zeroscd.images.read import read_photo
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from contextlib import AbstractContextManager
 
+    from zeroscd.alignment.known import KnownGeometry
     from zeroscd.batch.task import Task
     from zeroscd.evidence import EncodedPhoto
     from zeroscd.images.photo import Photo
@@ -51,6 +57,8 @@ class Options:
         cache_bytes: Memory for encoded photos, which other pairs may need again.
         absolute_paths: Write paths of local photos from the root, not relative to the folder of the
             file that holds them.
+        ignore_all: The bytes of an area that does not count in any photo (`read_area`).
+        t1_from_t0: Known geometry of pairs whose row says none (`Detector.detect`).
     """
 
     detector: Callable[[], Detector] = _lite
@@ -58,6 +66,8 @@ class Options:
     timeout_s: float = 60.0
     cache_bytes: int = 256 * MEBIBYTE
     absolute_paths: bool = False
+    ignore_all: bytes | None = None
+    t1_from_t0: KnownGeometry | None = None
 
 
 class PairComparer:
@@ -71,8 +81,15 @@ class PairComparer:
             options.cache_bytes, size_of=attrgetter("size_bytes")
         )
         self._encoding = [Lock() for _ in range(LOCKS)]
+        self._ignore_all = options.ignore_all
+        self._geometry = options.t1_from_t0
         self._fingerprint = digest_values(
-            {"absolute": options.absolute_paths, "detector": fingerprint(self._detector)}
+            {
+                "absolute": options.absolute_paths,
+                "detector": fingerprint(self._detector),
+                "ignore": options.ignore_all and digest([options.ignore_all]),
+                "geometry": None if self._geometry is None else np.asarray(self._geometry).tolist(),
+            }
         )
 
     @property
@@ -96,7 +113,8 @@ class PairComparer:
             for address, path in zip(task.addresses, task.paths or task.addresses, strict=True)
         ]
         sides = files[: 1 + len(task.also_before)], files[1 + len(task.also_before) :]
-        key = self._key(*sides)
+        given = {name: self._given(name, value) for name, value in task.given.items()}
+        key = self._key(*sides, given)
         if key == task.known:
             return Outcome(row=task.row, name=task.name, key=key, reused=True)
         photos = [self._decode(file) for file in files]
@@ -104,7 +122,7 @@ class PairComparer:
             began = time.perf_counter()
             views = [self._encode(*both) for both in zip(files, photos, strict=True)]
             before, after = views[: len(sides[0])], views[len(sides[0]) :]
-            result = self._compare([one for one, _ in before], [one for one, _ in after])
+            result = self._compare([one for one, _ in before], [one for one, _ in after], given)
             seconds = time.perf_counter() - began
         hits = sum(hit for _, hit in views)
         return replace(
@@ -123,14 +141,32 @@ class PairComparer:
             return None
         return read_photo(file.content, name=file.address)
 
-    def _key(self, before: Sequence[_File], after: Sequence[_File]) -> str:
+    def _given(self, name: str, value: str) -> bytes:
+        return FIXED.encode() if (name, value) == (ALIGN, FIXED) else self._fetch(value)
+
+    def _key(
+        self, before: Sequence[_File], after: Sequence[_File], given: Mapping[str, bytes]
+    ) -> str:
         """Return a digest of everything that a comparison is computed from."""
         views = [f"{len(before)} {len(after)}".encode()] if len(before) + len(after) > PAIR else []
         digests = (file.digest.encode() for file in (*before, *after))
-        return digest([self._fingerprint.encode(), *views, *digests])
+        known = (part for name, data in sorted(given.items()) for part in (name.encode(), data))
+        return digest([self._fingerprint.encode(), *views, *digests, *known])
 
-    def _compare(self, before: list[EncodedPhoto], after: list[EncodedPhoto]) -> ChangeResult:
-        return self._detector.decide(self._detector.compare(before, after))
+    def _compare(
+        self,
+        before: list[EncodedPhoto],
+        after: list[EncodedPhoto],
+        given: Mapping[str, bytes],
+    ) -> ChangeResult:
+        try:
+            known = Given.from_files(given, ignore_all=self._ignore_all, t1_from_t0=self._geometry)
+            evidence = self._detector.compare(
+                *known.mark(before, after), t1_from_t0=known.t1_from_t0
+            )
+        except SettingsError as error:  # of this pair; the others go on
+            raise ImageError(str(error)) from error
+        return self._detector.decide(evidence)
 
     def _encode(self, file: _File, photo: Photo | None) -> tuple[EncodedPhoto, bool]:
         """Return the encoded photo, and whether it came from the cache."""

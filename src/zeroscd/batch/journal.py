@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from zeroscd.batch.address import resolve
 from zeroscd.batch.names import safe_name, stem
 from zeroscd.batch.storable import storable
-from zeroscd.batch.task import FIRST, Task
+from zeroscd.batch.task import FIRST, Task, resolve_given
 from zeroscd.errors import OutputError
 from zeroscd.fingerprint import digest
 from zeroscd.output import cannot_write
@@ -43,6 +43,7 @@ CREATE TABLE IF NOT EXISTS done (name TEXT PRIMARY KEY, key TEXT NOT NULL, secon
     content BLOB NOT NULL) WITHOUT ROWID;
 CREATE TABLE todo (row INTEGER PRIMARY KEY, id TEXT, name TEXT NOT NULL,
     before TEXT, after TEXT, also_before TEXT NOT NULL, also_after TEXT NOT NULL,
+    given TEXT NOT NULL,
     error TEXT, finished INTEGER NOT NULL);
 CREATE TABLE names (folded TEXT PRIMARY KEY, next INTEGER NOT NULL) WITHOUT ROWID;
 """
@@ -96,7 +97,7 @@ class Journal:
                 name = self._name(safe_name(row.id or stem(row.after or row.before or "pair")))
                 further = json.dumps(row.also_before), json.dumps(row.also_after)
                 self._database.execute(
-                    "INSERT INTO todo VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    "INSERT INTO todo VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                     (
                         count,
                         row.id,
@@ -104,6 +105,7 @@ class Journal:
                         row.before,
                         row.after,
                         *further,
+                        json.dumps(dict(row.given)),
                         row.error,
                         row.error is not None,
                     ),
@@ -120,11 +122,12 @@ class Journal:
                 as known; they are read to know that.
         """
         query = (
-            "SELECT row, todo.name, before, after, also_before, also_after, key, content FROM todo "
+            "SELECT row, todo.name, before, after, also_before, also_after, given, key, content "
+            "FROM todo "
             "LEFT JOIN done ON done.name = todo.name "
             "WHERE row > ? AND error IS NULL ORDER BY row LIMIT ?"
         )
-        for row, name, before, after, *further, key, packed in self._chunks(query):
+        for row, name, before, after, *further, given, key, packed in self._chunks(query):
             also_before, also_after = (
                 tuple(resolve(address, base=base) for address in json.loads(one)) for one in further
             )
@@ -137,6 +140,7 @@ class Journal:
                 also_before=also_before,
                 also_after=also_after,
                 known=key if complete else None,
+                given=resolve_given(json.loads(given), base=base),
             )
 
     def record(self, outcome: Outcome) -> None:

@@ -9,13 +9,13 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from zeroscd.batch.task import Row
+from zeroscd.batch.task import GIVEN, Row
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 NEEDED = ("before", "after")
-COLUMNS = (*NEEDED, "id")
+COLUMNS = (*NEEDED, "id", *GIVEN)
 DELIMITERS = ",;\t|"
 EXCEL_DELIMITER = re.compile(r"sep=(.)\s*", re.IGNORECASE)  # a first line that only Excel writes
 PARQUET_ROWS = 1000  # read at a time
@@ -160,6 +160,7 @@ def _row(values: Mapping[str, Any]) -> Row:
         error=f"the manifest says no {' and no '.join(missing)}" if missing else None,
         also_before=tuple(before[1:]),
         also_after=tuple(after[1:]),
+        given={name: text for name in GIVEN if (text := _text(values.get(name)))},
     )
 
 

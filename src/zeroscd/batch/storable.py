@@ -8,7 +8,7 @@ from zeroscd.text import is_text
 
 def storable(row: Row) -> Row:
     """Return the row, or one with an error if a database cannot hold one of its names."""
-    names = (row.before, row.after, row.id, *row.also_before, *row.also_after)
+    names = (row.before, row.after, row.id, *row.also_before, *row.also_after, *row.given.values())
     undecodable = [_escaped(name) for name in names if name and not is_text(name)]
     if not undecodable:
         return row

@@ -5,12 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from zeroscd.alignment.known import FIXED
+from zeroscd.batch.address import resolve
+from zeroscd.given import ALIGN, AREAS
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 # Key in an outcome's columns: numbers, on their sides, of the photos in whose frames it is. There
 # only where they are not the first ones.
 FIRST = "first"
+# Columns of a manifest: areas that do not count or where to look only, and a known geometry.
+GIVEN = (*AREAS, ALIGN)
+
+
+def resolve_given(given: Mapping[str, str], *, base: str) -> dict[str, str]:
+    """Return what is known of a pair with addresses that do not depend on the manifest's folder.
+
+    Example:
+        >>> resolve_given({"ignore": "hood.png", "align": "none"}, base="old")
+        {'ignore': 'old/hood.png', 'align': 'none'}
+    """
+    return {
+        name: value if (name, value) == (ALIGN, FIXED) else resolve(value, base=base)
+        for name, value in given.items()
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +43,8 @@ class Row:
         error: Why this row cannot be compared, if so.
         also_before: Addresses of further old photos of the place.
         also_after: Addresses of further new photos of the place.
+        given: What is known of the pair, by the name of its column, one of `GIVEN`: addresses of
+            areas and of a homography, or "none".
     """
 
     before: str | None = None
@@ -32,6 +53,7 @@ class Row:
     error: str | None = None
     also_before: tuple[str, ...] = ()
     also_after: tuple[str, ...] = ()
+    given: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +69,7 @@ class Task:
         also_before: Addresses of further old photos of the place.
         also_after: Addresses of further new photos of the place.
         paths: `addresses` as the pair's own files hold them; None = as they are.
+        given: What is known of the pair, by the name of its column.
     """
 
     row: int
@@ -57,6 +80,7 @@ class Task:
     also_before: tuple[str, ...] = ()
     also_after: tuple[str, ...] = ()
     paths: tuple[str, ...] | None = None
+    given: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def addresses(self) -> tuple[str, ...]:

@@ -11,12 +11,15 @@ import typer
 from zeroscd.cli.console import say, warn
 from zeroscd.cli.options import (
     AbsolutePaths,
+    Align,
     Device,
     FailOnError,
+    IgnoreAll,
     OutFolder,
     Overrides,
     Preset,
     parse_overrides,
+    read_area_file,
 )
 from zeroscd.errors import SettingsError, ZeroscdError
 
@@ -63,6 +66,8 @@ def batch(
     ray_address: Annotated[
         str | None, typer.Option(help="Ray: a running cluster; a local one is started otherwise.")
     ] = None,
+    ignore_all: IgnoreAll = None,
+    align: Align = None,
     absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
 ) -> None:
@@ -74,6 +79,7 @@ def batch(
         engine, workers, {"num_gpus": num_gpus, "concurrency": concurrency, "address": ray_address}
     )
     overrides = parse_overrides(settings)
+    from zeroscd.alignment.known import read_geometry
     from zeroscd.batch import run
     from zeroscd.batch.comparer import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
@@ -87,6 +93,8 @@ def batch(
         timeout_s=timeout,
         cache_bytes=cache_mb * MEBIBYTE,
         absolute_paths=absolute_paths,
+        ignore_all=read_area_file(ignore_all),
+        t1_from_t0=None if align is None else read_geometry(align),
     )
     pairs = find_pairs(manifest, after)
     warn_unread(pairs.unread)

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from zeroscd.cli.console import busy, say, warn
-from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
+from zeroscd.cli.options import (
+    Align,
+    Device,
+    IgnoreAll,
+    OutFolder,
+    Overrides,
+    Preset,
+    parse_overrides,
+)
 from zeroscd.output import check_target
 
 if TYPE_CHECKING:
@@ -37,6 +45,26 @@ def detect(
             "--transients", help="Also list what stands in one photo only, of three or more."
         ),
     ] = False,
+    ignore: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="AREA", help="Leave this out of the photo after: a mask, or polygons."
+        ),
+    ] = None,
+    ignore_before: Annotated[
+        Path | None, typer.Option(metavar="AREA", help="The same in the photo before.")
+    ] = None,
+    roi: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="AREA", help="Look only here in the photo after: a mask, or polygons."
+        ),
+    ] = None,
+    roi_before: Annotated[
+        Path | None, typer.Option(metavar="AREA", help="The same in the photo before.")
+    ] = None,
+    ignore_all: IgnoreAll = None,
+    align: Align = None,
     preset: Preset = "lite",
     frame: Annotated[
         Literal["t0", "t1"] | None,
@@ -57,8 +85,23 @@ def detect(
         overrides["frame"] = frame
     check_request(preset, overrides, out=out)
     sides = [before, *(also_before or ())], [after, *(also_after or ())]
+    from zeroscd.alignment.known import read_geometry
+
+    given = {
+        "ignore": ignore,
+        "ignore_before": ignore_before,
+        "roi": roi,
+        "roi_before": roi_before,
+        "ignore_all": ignore_all,
+        "t1_from_t0": None if align is None else read_geometry(align),
+    }
     result = compare(
-        *sides, preset=preset, device=device, overrides=overrides, transients=transients
+        *sides,
+        preset=preset,
+        device=device,
+        overrides=overrides,
+        transients=transients,
+        given={name: value for name, value in given.items() if value is not None},
     )
     save_and_tell(result, out)
 
@@ -84,6 +127,7 @@ def compare(
     device: str,
     overrides: Mapping[str, object],
     transients: bool = False,
+    given: Mapping[str, Any] | None = None,
 ) -> ChangeResult:
     """Read the photos, load the networks and find the changes.
 
@@ -94,22 +138,48 @@ def compare(
         device: Where the networks run.
         overrides: Settings that differ from the preset's.
         transients: Whether to list what stands in one photo only.
+        given: Areas and geometry, as `Detector.detect` takes them.
 
     Raises:
-        ImageError: A photo cannot be read.
+        ImageError: A photo or an area cannot be read.
     """
     from zeroscd.images.read import read_photo
 
+    known = given or {}
     with busy("reading the photos"):
         # Read twice, but a photo that is no good is refused before the networks are loaded.
-        for path in (*before, *after):
-            read_photo(path)
+        sizes = [read_photo(path).size_hw for path in (*before, *after)]
+        check_areas(known, sizes[: len(before)], sizes[len(before) :])
     with busy("loading the networks"):
         from zeroscd.detector import Detector
 
         detector = Detector.from_preset(preset, device=device, overrides=overrides)
     with busy("comparing"):
-        return detector.detect(before, after, transients=transients)
+        return detector.detect(before, after, transients=transients, **known)
+
+
+def check_areas(
+    given: Mapping[str, Any],
+    sizes_before: Sequence[tuple[int, int]],
+    sizes_after: Sequence[tuple[int, int]],
+) -> None:
+    """Read every area once, to refuse those that do not fit the photos.
+
+    Raises:
+        ImageError: One cannot be read or does not fit.
+    """
+    from zeroscd.images.areas import read_area
+
+    of_photos = {
+        "ignore": sizes_after[:1],
+        "roi": sizes_after[:1],
+        "ignore_before": sizes_before[:1],
+        "roi_before": sizes_before[:1],
+        "ignore_all": [*sizes_before, *sizes_after],
+    }
+    for name, sizes in of_photos.items():
+        for size_hw in sizes if name in given else ():
+            read_area(given[name], size_hw=size_hw)
 
 
 def save_and_tell(result: ChangeResult, out: Path) -> None:

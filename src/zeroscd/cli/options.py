@@ -47,6 +47,34 @@ AbsolutePaths = Annotated[
     ),
 ]
 
+IgnoreAll = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="AREA",
+        help="Leave this out of every photo: a hood, a time stamp. A mask, white = leave out, or "
+        "polygons in pixels (JSON, GeoJSON).",
+    ),
+]
+Align = Annotated[
+    str | None,
+    typer.Option(
+        metavar="none|FILE",
+        help="Known geometry: none = the camera did not move; or a file with 3 x 3 numbers, t1 "
+        "from t0. Estimated if not given.",
+    ),
+]
+
+
+def read_area_file(path: Path | None) -> bytes | None:
+    """Return the bytes of an area's file; None where none was given.
+
+    Raises:
+        ImageError: It cannot be read.
+    """
+    from zeroscd.images.read import read_file
+
+    return None if path is None else read_file(path)
+
 
 def parse_overrides(pairs: list[str] | None) -> dict[str, str]:
     """Split every KEY=VALUE of the command line.

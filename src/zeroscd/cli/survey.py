@@ -16,12 +16,14 @@ from zeroscd.cli.options import (
     AbsolutePaths,
     Device,
     FailOnError,
+    IgnoreAll,
     OutFolder,
     Overrides,
     Places,
     Preset,
     Within,
     parse_overrides,
+    read_area_file,
 )
 from zeroscd.renamed import warn_renamed
 from zeroscd.text import one_line
@@ -80,6 +82,7 @@ def survey(
     cache_mb: Annotated[
         int, typer.Option(min=0, help="Memory for old photos that match several new ones.")
     ] = 256,
+    ignore_all: IgnoreAll = None,
     absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
 ) -> None:
@@ -115,6 +118,7 @@ def survey(
         write=wanted,
         cache_bytes=cache_mb * MEBIBYTE,
         absolute_paths=absolute_paths,
+        ignore_all=read_area_file(ignore_all),
     )
     try:
         with Bar("matching") as bar:

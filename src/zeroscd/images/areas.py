@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 Ring: TypeAlias = "NDArray[np.float64]"  # (N, 2) as (x, y)
 
 POINTS = 3  # the fewest of a polygon
-MAX_COORDINATE = 100_000  # pixels; no photo here has a longer side
+MAX_RINGS = 1000  # outlines and holes
+MAX_ROUNDS = 200  # length of all outlines, in those of the photo's own
 ASPECT_TOLERANCE = 0.01  # of width over height, for a mask of another size than its photo
 FORMATS_TEXT = "white on black, or polygons as JSON or GeoJSON in pixels"
 
@@ -63,15 +64,19 @@ def read_area(source: AreaSource, *, size_hw: tuple[int, int], name: str = "the 
     if isinstance(source, str | Path):
         return read_area(read_file(source), size_hw=size_hw, name=one_line(str(source)))
     if isinstance(source, bytes):
-        read = _json(source, name) if source.lstrip()[:1] in (b"[", b"{") else None
-        if read is None:
-            return _fit(_white(decode_mask(source, name=name), name), size_hw, name)
-        return _filled(read, size_hw, name)
+        if looks_like_json(source):
+            return _filled(_json(source, name), size_hw, name)
+        return _fit(_white(decode_mask(source, name=name), name), size_hw, name)
     if isinstance(source, Image.Image):
         return _fit(_white(source, name), size_hw, name)
     if isinstance(source, np.ndarray):
         return _fit(_from_array(source, name), size_hw, name)
     return _filled(source, size_hw, name)
+
+
+def looks_like_json(content: bytes) -> bool:
+    """Tell whether a file's bytes are polygons, and no picture."""
+    return content.lstrip()[:1] in (b"[", b"{")
 
 
 def resize_mask(mask: Mask, size_hw: tuple[int, ...] | None) -> Mask:
@@ -131,12 +136,10 @@ def _filled(value: object, size_hw: tuple[int, int], name: str) -> Mask:
         why = f" ({one_line(str(error))})" if isinstance(error, ValueError) else ""
         message = f"{name} holds no polygons{why}; give {FORMATS_TEXT}"
         raise ImageError(message) from error
+    _check_effort(polygons, size_hw, name)
     filled = np.zeros(size_hw, dtype=bool)
-    for outer, *holes in polygons:
-        inside = _inside(outer, size_hw)
-        for hole in holes:
-            inside &= ~_inside(hole, size_hw)
-        filled |= inside
+    for rings in polygons:
+        _fill(filled, rings)
     if not filled.any():
         height, width = size_hw
         message = f"{name} encloses nothing of its photo, {width} x {height}; give pixels (x, y)"
@@ -178,13 +181,32 @@ def _ring(points: Any) -> Ring:  # noqa: ANN401 - checked here
     if len(ring) < POINTS:
         message = f"a polygon of {len(ring)} points"
         raise ValueError(message)
-    if not (np.abs(ring) <= MAX_COORDINATE).all():  # NaN as well
-        message = f"a coordinate beyond {MAX_COORDINATE} pixels"
-        raise ValueError(message)
     return ring
 
 
-def _inside(ring: Ring, size_hw: tuple[int, int]) -> Mask:
+def _check_effort(polygons: list[list[Ring]], size_hw: tuple[int, int], name: str) -> None:
+    """Refuse what nobody draws: filling takes memory by length and time by number."""
+    rings = [ring for polygon in polygons for ring in polygon]
+    length = sum(np.abs(ring - np.roll(ring, 1, axis=0)).sum() for ring in rings)
+    if len(rings) > MAX_RINGS or not length <= MAX_ROUNDS * 2 * sum(size_hw):  # NaN as well
+        message = f"{name} has more outlines, or longer ones, than anyone draws; draw fewer"
+        raise ImageError(message)
+
+
+def _fill(filled: Mask, rings: list[Ring]) -> None:
+    """Fill a polygon but for its holes, inside its box."""
+    height, width = filled.shape
+    x0, y0 = np.clip(np.floor(rings[0].min(axis=0)), 0, (width, height)).astype(int)
+    x1, y1 = np.clip(np.ceil(rings[0].max(axis=0)), 0, (width, height)).astype(int)
+    if x0 < x1 and y0 < y1:
+        box = filled[y0:y1, x0:x1]
+        inside, *holes = (_inside(ring - (x0, y0), box.shape) for ring in rings)
+        for hole in holes:
+            inside &= ~hole
+        box |= inside
+
+
+def _inside(ring: Ring, size_hw: tuple[int, ...]) -> Mask:
     height, width = size_hw
     (lengths,) = coco.frPyObjects([ring.ravel().tolist()], height, width)
     return np.asarray(coco.decode(lengths), dtype=bool)

@@ -14,6 +14,7 @@ from zeroscd.serve.forms import (
     After,
     Before,
     Frame,
+    Given,
     Preset,
     Sensitivity,
     SettingsText,
@@ -61,6 +62,7 @@ def _add_comparisons(routes: APIRouter, service: Service, comparisons: Compariso
         response: Response,
         before: Before,
         after: After,
+        given: Given,
         preset: Preset = None,
         frame: Frame = None,
         sensitivity: Sensitivity = None,
@@ -68,7 +70,7 @@ def _add_comparisons(routes: APIRouter, service: Service, comparisons: Compariso
     ) -> ComparisonShown:
         """Queue a pair and return at once; ask for its status, then move its thresholds."""
         request = _request(service, preset, sensitivity, parse_values(settings, frame))
-        photos = await read_sides(before, after)
+        photos = await read_sides(before, after, given)
         await check_pair(photos, service)
         name, comparison = comparisons.start(photos, request)
         comparisons.when_done(name, http_request.scope[BODY].hold())

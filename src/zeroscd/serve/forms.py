@@ -5,8 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fastapi import File, Form, Header, UploadFile
+from fastapi import Depends, File, Form, Header, UploadFile
 
+from zeroscd.given import ALIGN, AREAS
+from zeroscd.images.areas import looks_like_json
 from zeroscd.serve.limits import MEGA
 from zeroscd.serve.media import JSON, PNG
 from zeroscd.serve.photos import check_photo
@@ -15,10 +17,12 @@ from zeroscd.serve.schemas import Changes, FrameName
 from zeroscd.serve.service import PhotoPair
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from zeroscd.serve.service import Service
 
+MAX_POLYGONS_BYTES = 200_000  # thousands of points
+MAX_GEOMETRY = 1000  # characters of nine numbers
 PHOTO = "JPEG, PNG or WebP; the file name is ignored."
 FURTHER = "More photos of the place may follow; results are in the frame of the first."
 Before = Annotated[list[UploadFile], File(description=f"The earlier photo: {PHOTO} {FURTHER}")]
@@ -53,6 +57,34 @@ RESULT: dict[str, Any] = {
 }
 
 
+def _area(what: str) -> Any:  # noqa: ANN401 - FastAPI reads it
+    return File(description=f"{what}: a mask (PNG), or polygons in its pixels (JSON, GeoJSON).")
+
+
+async def read_given(
+    ignore: Annotated[UploadFile | None, _area("Leave this out of the photo after")] = None,
+    ignore_before: Annotated[UploadFile | None, _area("The same of the photo before")] = None,
+    roi: Annotated[UploadFile | None, _area("Look only here in the photo after")] = None,
+    roi_before: Annotated[UploadFile | None, _area("The same in the photo before")] = None,
+    align: Annotated[
+        str | None,
+        Form(
+            description="Known geometry: none = the camera did not move; or 3 x 3 numbers, "
+            "t1_from_t0.",
+            max_length=MAX_GEOMETRY,
+            examples=["none"],
+        ),
+    ] = None,
+) -> dict[str, bytes]:
+    """Read what is known of a pair beside its photos, by the name of the field."""
+    areas = dict(zip(AREAS, (ignore, ignore_before, roi, roi_before), strict=True))
+    given = {name: await file.read() for name, file in areas.items() if file is not None}
+    return given if align is None else {**given, ALIGN: align.encode()}
+
+
+Given = Annotated[dict[str, bytes], Depends(read_given)]
+
+
 async def check_pair(photos: PhotoPair, service: Service, *, number: int | None = None) -> None:
     """Check all files before anything is decoded, outside the event loop.
 
@@ -71,6 +103,7 @@ async def check_pair(photos: PhotoPair, service: Service, *, number: int | None 
         message = f"{len(photos_sent)} photos{of_pair or ' of a pair'}; send at most {most}"
         raise Problem(Kind.BAD_FIELDS, message)
     pixels = 0
+    photos_sent += _masks(photos)
     for name, data in photos_sent:
         check = partial(check_photo, data, name=f"{name}{of_pair}", limits=service.limits)
         width, height = await service.read_header(check)
@@ -84,6 +117,23 @@ async def check_pair(photos: PhotoPair, service: Service, *, number: int | None 
         raise Problem(Kind.BAD_PHOTO, message)
 
 
-async def read_sides(before: Sequence[UploadFile], after: Sequence[UploadFile]) -> PhotoPair:
+def _masks(photos: PhotoPair) -> list[tuple[str, bytes]]:
+    """Return the areas that are pictures, which are checked like photos; check the others here."""
+    pictures = []
+    for name, data in photos.areas():
+        if not looks_like_json(data):
+            pictures.append((name, data))
+        elif len(data) > MAX_POLYGONS_BYTES:
+            most = MAX_POLYGONS_BYTES // 1000
+            raise Problem(Kind.TOO_LARGE, f"{name} is larger than {most} kB; draw fewer points")
+    return pictures
+
+
+async def read_sides(
+    before: Sequence[UploadFile],
+    after: Sequence[UploadFile],
+    given: Mapping[str, bytes] | None = None,
+) -> PhotoPair:
     """Read the files of a pair, the first photo of each side first."""
-    return PhotoPair.of([await one.read() for one in before], [await one.read() for one in after])
+    sides = [await one.read() for one in before], [await one.read() for one in after]
+    return PhotoPair.of(*sides, given=given)

@@ -13,6 +13,7 @@ from zeroscd.serve.forms import (
     After,
     Before,
     Frame,
+    Given,
     Preset,
     SettingsText,
     check_pair,
@@ -35,6 +36,7 @@ def router(service: Service) -> APIRouter:
         http_request: Request,
         before: Before,
         after: After,
+        given: Given,
         preset: Preset = None,
         frame: Frame = None,
         settings: SettingsText = None,
@@ -43,7 +45,7 @@ def router(service: Service) -> APIRouter:
         """Find what changed between two photos of the same place."""
         media = preferred(accept)
         request = service.request(preset, parse_values(settings, frame))
-        photos = await read_sides(before, after)
+        photos = await read_sides(before, after, given)
         await check_pair(photos, service)
         cancel_token = CancelToken()
         task = service.worker.submit(

@@ -77,6 +77,7 @@ class AlignmentFound(BaseModel):
     inliers: Count
     matches: Count
     reason: str | None = Field(description="Why the photos could not be aligned, or null.")
+    given: bool = Field(default=False, description="The request said it; nothing was matched.")
 
 
 class RunLengths(BaseModel):
@@ -119,6 +120,9 @@ class Changes(BaseModel):
     alignment: AlignmentFound
     changed_fraction: Fraction = Field(description="Of what was judged.")
     judged_fraction: Fraction = Field(description="Of the frame's photo: changed or unchanged.")
+    ignored_fraction: Fraction = Field(
+        default=0.0, description="Of the frame's photo: left out by the request."
+    )
     regions: list[ChangedRegion]
     further_photos: list[FurtherPhotoShown] = Field(
         default=[], description="Beyond the first photo of a side, where there are several."

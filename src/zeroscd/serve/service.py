@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import json
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from zeroscd.errors import SettingsError
+from zeroscd.given import ALIGN, Given
 from zeroscd.images.read import read_photo
 from zeroscd.serve.metrics import Metrics
 from zeroscd.serve.problems import Kind, Problem
@@ -61,17 +62,25 @@ class PhotoPair:
         after: The later photo.
         also_before: Other earlier photos.
         also_after: Other later photos.
+        given: Areas and geometry by the names of `GIVEN`, as files' bytes.
     """
 
     before: bytes
     after: bytes
     also_before: tuple[bytes, ...] = ()
     also_after: tuple[bytes, ...] = ()
+    given: Mapping[str, bytes] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, before: Sequence[bytes], after: Sequence[bytes]) -> PhotoPair:
+    def of(
+        cls,
+        before: Sequence[bytes],
+        after: Sequence[bytes],
+        *,
+        given: Mapping[str, bytes] | None = None,
+    ) -> PhotoPair:
         """Make one from all photos of each side, the first ones first."""
-        return cls(before[0], after[0], tuple(before[1:]), tuple(after[1:]))
+        return cls(before[0], after[0], tuple(before[1:]), tuple(after[1:]), given or {})
 
     def sides(self) -> dict[str, tuple[bytes, ...]]:
         """Return all photos before and all photos after, by these words."""
@@ -79,6 +88,10 @@ class PhotoPair:
             "before": (self.before, *self.also_before),
             "after": (self.after, *self.also_after),
         }
+
+    def areas(self) -> list[tuple[str, bytes]]:
+        """Return each area with what messages call it."""
+        return [(f"the file {name}", data) for name, data in self.given.items() if name != ALIGN]
 
     def named(self) -> list[tuple[str, bytes]]:
         """Return each photo with what messages call it, those before first."""
@@ -154,7 +167,8 @@ class Service:
             report: Called with the name of each step before it starts.
 
         Raises:
-            ImageError: A photo is damaged.
+            ImageError: A photo is damaged, or an area does not fit its photo.
+            SettingsError: The geometry cannot relate the photos.
         """
         detector, timer = self.detectors[request.preset], StageTimer()
         report("read")
@@ -167,7 +181,9 @@ class Service:
         cancel_token.check()
         report("compare")
         old = 1 + len(photos.also_before)
-        evidence = detector.compare(encoded[:old], encoded[old:])
+        given = Given.from_files(photos.given)
+        sides = given.mark(encoded[:old], encoded[old:])
+        evidence = detector.compare(*sides, t1_from_t0=given.t1_from_t0)
         cancel_token.check()
         return replace(evidence, seconds={**timer.seconds, **evidence.seconds})
 

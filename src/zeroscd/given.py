@@ -1,0 +1,77 @@
+"""What a user knows of a pair beside its pixels: areas that do not count, and the geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from zeroscd.alignment.known import geometry_in
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from zeroscd.alignment.known import KnownGeometry
+    from zeroscd.evidence import EncodedPhoto
+    from zeroscd.images.areas import AreaSource
+
+AREAS = ("ignore", "ignore_before", "roi", "roi_before")  # each for one photo
+ALIGN = "align"  # what files call the geometry
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Given:
+    """Areas and geometry of a pair; see `zeroscd.Detector.detect`.
+
+    Attributes:
+        ignore: What does not count in the first photo after.
+        ignore_before: What does not count in the first photo before.
+        roi: Where to look only, in the first photo after.
+        roi_before: Where to look only, in the first photo before.
+        ignore_all: What does not count in any photo.
+        t1_from_t0: Known geometry.
+    """
+
+    ignore: AreaSource | None = None
+    ignore_before: AreaSource | None = None
+    roi: AreaSource | None = None
+    roi_before: AreaSource | None = None
+    ignore_all: AreaSource | None = None
+    t1_from_t0: KnownGeometry | None = None
+
+    @classmethod
+    def from_files(
+        cls,
+        files: Mapping[str, bytes],
+        *,
+        ignore_all: bytes | None = None,
+        t1_from_t0: KnownGeometry | None = None,
+    ) -> Given:
+        """Make one of files' bytes.
+
+        Args:
+            files: By the names of `AREAS`, and `ALIGN` for the geometry.
+            ignore_all: What does not count in any photo.
+            t1_from_t0: The geometry, where no file says it.
+
+        Raises:
+            SettingsError: The geometry's file holds something else.
+        """
+        if ALIGN in files:
+            t1_from_t0 = geometry_in(files[ALIGN], name="the field align")
+        areas = {name: files.get(name) for name in AREAS}
+        return cls(**areas, ignore_all=ignore_all, t1_from_t0=t1_from_t0)
+
+    def mark(
+        self, before: Sequence[EncodedPhoto], after: Sequence[EncodedPhoto]
+    ) -> tuple[list[EncodedPhoto], list[EncodedPhoto]]:
+        """Return the photos before and after with what does not count in them.
+
+        Raises:
+            ImageError: An area cannot be read or does not fit its photo.
+        """
+        old, new = (
+            [photo.leave_out(ignore=self.ignore_all) for photo in side] for side in (before, after)
+        )
+        old[0] = old[0].leave_out(ignore=self.ignore_before, roi=self.roi_before)
+        new[0] = new[0].leave_out(ignore=self.ignore, roi=self.roi)
+        return old, new
