@@ -26,11 +26,11 @@ LAYERS = (
     ("images",),  # the door and the grid: the geometry that all stages share
     ("records",),
     ("weights",),
-    ("encoders", "alignment", "change", "segmenters", "refine", "judge"),
+    ("encoders", "alignment", "change", "segmenters", "refine", "judge", "labels"),
     ("models", "evidence", "pages"),
     ("given", "fingerprint", "export"),
     ("steps", "judging", "result", "saved"),
-    ("views",),
+    ("labelling", "views"),
     ("detector",),
     ("retrieval", "one_call"),
     ("evaluation", "batch"),
@@ -41,8 +41,8 @@ LAYERS = (
 )
 LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}
 HOMES = {
-    "torch": {"encoders", "segmenters", "weights", "device", "bench"},
-    "transformers": {"encoders", "segmenters", "weights"},
+    "torch": {"encoders", "segmenters", "labels", "weights", "device", "bench"},
+    "transformers": {"encoders", "segmenters", "labels", "weights"},
     "lancedb": {"retrieval"},
     "rich": {"cli"},
     "fastapi": {"serve"},

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from zeroscd.alignment.known import refuse_for_several
-from zeroscd.errors import ImageError
 from zeroscd.evidence import EncodedPhoto, Evidence
 from zeroscd.given import Given
-from zeroscd.images.read import read_photo
+from zeroscd.images.read import listed, read_photo
 from zeroscd.judging import changed_in_both, judge, leave_out
+from zeroscd.labelling import label_parts
+from zeroscd.labels.classes import class_ids
 from zeroscd.models import Models, load_models
 from zeroscd.progress import Silent
 from zeroscd.records import Transients
@@ -30,7 +31,7 @@ from zeroscd.timer import StageTimer
 from zeroscd.views import join, several, sights
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from zeroscd.alignment.known import KnownGeometry
     from zeroscd.images.areas import AreaSource
@@ -47,12 +48,22 @@ class Detector:
         settings: Everything that decides the outcome.
         models: Encoder and segmenter.
         preset: The name that results carry.
+        ignore_classes: Things that do not count, classes or groups of `zeroscd.labels.classes`; the
+            models must have a labeller.
     """
 
-    def __init__(self, settings: Settings, models: Models, *, preset: str = "custom") -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        models: Models,
+        *,
+        preset: str = "custom",
+        ignore_classes: Iterable[str] = (),
+    ) -> None:
         self.settings = settings
         self.models = models
         self.preset = preset
+        self.ignored_classes = class_ids(ignore_classes)
 
     @classmethod
     def from_preset(
@@ -61,15 +72,27 @@ class Detector:
         *,
         device: str = "auto",
         overrides: Mapping[str, object] | None = None,
+        labels: bool = False,
+        ignore_classes: Sequence[str] = (),
     ) -> Detector:
         """Load a preset's models.
 
+        Args:
+            name: Of the preset.
+            device: "auto", "cpu", "cuda" or "mps".
+            overrides: Settings that differ from the preset's, by name.
+            labels: Whether a further network says what each region shows (`Region.label`).
+            ignore_classes: What does not count, such as "person", "vehicle", "sky", "vegetation":
+                classes or groups of `zeroscd.labels.classes`. It needs the same network.
+
         Raises:
-            SettingsError: An unknown preset, setting or device.
+            SettingsError: An unknown preset, setting, class or device, or missing packages.
             WeightsError: The weights are missing or damaged.
         """
         settings = settings_of(name).override(overrides or {})
-        return cls(settings, load_models(settings, device=device), preset=name)
+        labels = labels or bool(class_ids(ignore_classes))
+        models = load_models(settings, device=device, labels=labels)
+        return cls(settings, models, preset=name, ignore_classes=ignore_classes)
 
     def detect(  # noqa: PLR0913 - as above
         self,
@@ -116,7 +139,7 @@ class Detector:
                 has several photos.
         """
         timer = StageTimer()
-        old, new = _listed(before, "before"), _listed(after, "after")
+        old, new = listed(before, "before"), listed(after, "after")
         encoded = self.encode([*old, *new], timer=timer)
         given = Given(
             ignore=ignore,
@@ -162,11 +185,15 @@ class Detector:
             read = [read_photo(photo) for photo in photos]
         with timer.stage("encode"):
             maps = self.models.encoder.encode([photo.pixels for photo in read])
-        proposals = self.models.segmenter.proposals
-        return [
+        proposals, labeller = self.models.segmenter.proposals, self.models.labeller
+        encoded = [
             EncodedPhoto(photo, of_photo, proposals(photo.pixels, of_photo))
             for photo, of_photo in zip(read, maps, strict=True)
         ]
+        if labeller is None:
+            return encoded
+        with timer.stage("label"):
+            return [replace(one, classes=labeller.label(one.photo.pixels)) for one in encoded]
 
     def compare(
         self,
@@ -224,6 +251,7 @@ class Detector:
         with timer.stage("judge"):
             judged = judge(pair, seen, masks, chosen.judge)
             judged = leave_out(judged, pair, min_area_px=rules.min_area_px)
+            judged = label_parts(judged, pair, ignored=self.ignored_classes)
             unseen_t0, unseen_t1 = (one.unknown for one in coarse)
             regions = find_regions(*judged.parts, (unseen_t0, unseen_t1))
         removed, added = judged.masks
@@ -269,12 +297,3 @@ class Detector:
         """Encode photos, by the old name of `encode`."""
         warn_renamed("Detector.look", "Detector.encode")
         return self.encode(photos)
-
-
-def _listed(photos: PhotoSource | Sequence[PhotoSource], when: str) -> Sequence[PhotoSource]:
-    if not isinstance(photos, list | tuple):
-        return [cast("PhotoSource", photos)]
-    if not photos:
-        message = f"no photo {when}: give one photo of the place or a list of them"
-        raise ImageError(message)
-    return photos

@@ -15,7 +15,7 @@ from zeroscd.images.bars import empty_edges
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from zeroscd.arrays import Homography, Map, Mask, PointsXy
+    from zeroscd.arrays import Classes, Homography, Map, Mask, PointsXy
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.images.areas import AreaSource
     from zeroscd.images.photo import Photo
@@ -35,6 +35,7 @@ class EncodedPhoto:
         proposals: Its segments, computed when first asked for.
         ignored: (H, W) what does not count in it; None where all counts.
         wanted: (H, W) where to look only; None for everywhere.
+        classes: (H, W) the class of each pixel; None where no network labels them.
     """
 
     photo: Photo
@@ -42,6 +43,7 @@ class EncodedPhoto:
     proposals: MaskProposals
     ignored: Mask | None = None
     wanted: Mask | None = None
+    classes: Classes | None = None
 
     @property
     def size_hw(self) -> tuple[int, int]:
@@ -52,7 +54,8 @@ class EncodedPhoto:
     def size_bytes(self) -> int:
         """Memory held so far; it grows when segments are first asked for."""
         descriptors = sum(one.descriptors.nbytes for one in self.maps)
-        return self.photo.pixels.nbytes + descriptors + self.proposals.size_bytes
+        classes = 0 if self.classes is None else self.classes.nbytes
+        return self.photo.pixels.nbytes + descriptors + classes + self.proposals.size_bytes
 
     def leave_out(
         self, *, ignore: AreaSource | None = None, roi: AreaSource | None = None

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from zeroscd.encoders.port import PatchEncoder
+    from zeroscd.labels.port import Labeller
     from zeroscd.segmenters.port import Segmenter
     from zeroscd.settings import Settings
     from zeroscd.weights.catalogue import WeightFile
@@ -55,13 +56,16 @@ SEGMENTERS: dict[str, Recipe] = {
     **_recipes("zeroscd.segmenters.sam", "sam2.1-base", "sam2.1-large"),
 }
 
+LABELLER = Recipe(module="zeroscd.labels.eomt", weights="eomt-l", extra=True)
+
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """The two networks of the method, loaded and on their device."""
+    """The two networks of the method, loaded and on their device; maybe one that labels pixels."""
 
     encoder: PatchEncoder
     segmenter: Segmenter
+    labeller: Labeller | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segmenter", by_new_names(self.segmenter))
@@ -86,8 +90,8 @@ def check_models(settings: Settings) -> None:
     _require(_recipes_of(settings))
 
 
-def load_models(settings: Settings, *, device: str = "auto") -> Models:
-    """Load the encoder and the segmenter that the settings name.
+def load_models(settings: Settings, *, device: str = "auto", labels: bool = False) -> Models:
+    """Load the encoder and the segmenter that the settings name, and a labeller if wanted.
 
     What is missing is noticed first, by looking at files and packages: nothing heavy is imported
     for an answer that says what to install.
@@ -97,7 +101,8 @@ def load_models(settings: Settings, *, device: str = "auto") -> Models:
             packages that are missing.
         WeightsError: Their weights are missing or damaged.
     """
-    return Models(*_load(_recipes_of(settings), settings, device=device))
+    recipes = [*_recipes_of(settings), *([LABELLER] if labels else [])]
+    return Models(*_load(recipes, settings, device=device))
 
 
 def load_encoder(settings: Settings, *, device: str = "auto") -> PatchEncoder:

@@ -27,6 +27,8 @@ def detect(  # noqa: PLR0913 - each says something else
     roi_before: AreaSource | None = None,
     ignore_all: AreaSource | None = None,
     t1_from_t0: KnownGeometry | None = None,
+    labels: bool = False,
+    ignore_classes: Sequence[str] = (),
     **settings: object,
 ) -> ChangeResult:
     """Find what changed between two photos of one place.
@@ -45,6 +47,9 @@ def detect(  # noqa: PLR0913 - each says something else
         roi_before: Where to look only, in the photo before.
         ignore_all: What does not count in any photo.
         t1_from_t0: The geometry of the photos, where it is known.
+        labels: Whether a further network says what each region shows; this and the next as in
+            `Detector.from_preset`.
+        ignore_classes: What does not count, such as "person" and "vehicle".
         settings: Settings that differ from the preset's, by name: `tau=0.9`, `frame="t0"`.
 
     Raises:
@@ -52,7 +57,9 @@ def detect(  # noqa: PLR0913 - each says something else
         SettingsError: An unknown preset, setting or device.
         WeightsError: The preset's weights are missing or damaged.
     """
-    detector = Detector.from_preset(preset, device=device, overrides=settings)
+    detector = Detector.from_preset(
+        preset, device=device, overrides=settings, labels=labels, ignore_classes=ignore_classes
+    )
     return detector.detect(
         before,
         after,

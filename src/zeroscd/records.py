@@ -188,6 +188,8 @@ class Region:
         at_border: It lies mostly along what the other photo does not show.
         seen_by: Views that show its place; a view is one old photo compared with one new one.
         agreed_by: Of them, those that see the change.
+        label: What it shows, a class of `zeroscd.labels.classes`; None where no network says so.
+        label_share: 0..1, share of its pixels of that class.
     """
 
     id: int
@@ -202,6 +204,8 @@ class Region:
     at_border: bool = False
     seen_by: int = 1
     agreed_by: int = 1
+    label: str | None = None
+    label_share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ import stat
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from PIL import Image
@@ -21,6 +21,7 @@ from zeroscd.images.photo import Photo
 from zeroscd.text import one_line
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from typing import Any, TypeAlias
 
     from numpy.typing import NDArray
@@ -86,6 +87,24 @@ def read_photo(
         return Photo(pixels=pixels)
     message = f"cannot read a photo from {type(source).__name__}; give a path, bytes or an array"
     raise ImageError(message)
+
+
+def listed(photos: PhotoSource | Sequence[PhotoSource], when: str) -> Sequence[PhotoSource]:
+    """Return the photos of one side, of which there may be one alone or a list.
+
+    Args:
+        photos: One photo or a list.
+        when: Which side, for the message.
+
+    Raises:
+        ImageError: The list is empty.
+    """
+    if not isinstance(photos, list | tuple):
+        return [cast("PhotoSource", photos)]
+    if not photos:
+        message = f"no photo {when}: give one photo of the place or a list of them"
+        raise ImageError(message)
+    return photos
 
 
 def read_file(path: str | Path, *, limits: PhotoLimits = DEFAULT_LIMITS) -> bytes:

@@ -30,6 +30,8 @@ class Part(NamedTuple):
     Attributes:
         seen_by: Views that show it.
         agreed_by: Of them, those that see the change.
+        label: What it shows; None where no network says so.
+        label_share: Share of its pixels of that class.
     """
 
     segment: Segment
@@ -37,6 +39,8 @@ class Part(NamedTuple):
     score: float
     seen_by: int = 1
     agreed_by: int = 1
+    label: str | None = None
+    label_share: float = 0.0
 
 
 def connected_parts(mask: Mask, *, offset_xy: tuple[int, int] = (0, 0)) -> list[Segment]:
@@ -138,6 +142,8 @@ def _regions(parts: Iterable[Part], unseen: Mask, *, kind: Kind, frame: Frame) -
             at_border=bool(at_border_px > MOSTLY * segment.area_px),
             seen_by=part.seen_by,
             agreed_by=part.agreed_by,
+            label=part.label,
+            label_share=part.label_share,
         )
 
 

@@ -17,7 +17,7 @@ class WeightFile:
 
     Attributes:
         name: Its name in commands and settings.
-        kind: Encoder or segmenter.
+        kind: Encoder, segmenter or labeller.
         file: The publisher's file name.
         address: URL that needs no account; None = there is none.
         page: Web page about it.
@@ -30,7 +30,7 @@ class WeightFile:
     """
 
     name: str
-    kind: Literal["encoder", "segmenter"]
+    kind: Literal["encoder", "segmenter", "labeller"]
     file: str
     address: str | None
     page: str
@@ -235,6 +235,19 @@ _ROWS = (
         hub="sam2.1-hiera-large",
         sha256="2647878d5dfa5098f2f8649825738a9345572bae2d4350a2468587ece47dd318",
         size_bytes=898083611,
+    ),
+    WeightFile(
+        name="eomt-l",
+        kind="labeller",
+        file="model.safetensors",
+        address=None,
+        page="https://huggingface.co/tue-mps/ade20k_semantic_eomt_large_512",
+        hub="tue-mps/ade20k_semantic_eomt_large_512",
+        sha256="",
+        size_bytes=None,
+        licence="MIT",
+        paper="arXiv 2503.19108",
+        note="its digest is not known here: download by hand, then --from",
     ),
 )
 

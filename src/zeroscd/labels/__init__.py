@@ -1,0 +1,1 @@
+"""What a region shows: a class for every pixel of a photo."""
