@@ -7,10 +7,11 @@ import pytest
 
 from zeroscd import batch
 from zeroscd.batch.cluster import Ray
-from zeroscd.cli.batch import parse_files, pick_engine
+from zeroscd.cli.batch import pick_engine
 from zeroscd.cli.main import run
+from zeroscd.cli.options import parse_files
 from zeroscd.errors import SettingsError
-from zeroscd.export.files import FILES
+from zeroscd.export.files import NAMES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -199,7 +200,7 @@ def test_ctrl_c_says_how_to_continue(
 
 
 def test_names_of_files_are_parsed() -> None:
-    assert parse_files("all") == tuple(FILES)
+    assert parse_files("all") == NAMES
     assert parse_files("none") == ()
     assert parse_files(" mask , coco,") == ("mask", "coco")
     with pytest.raises(SettingsError, match="--workers"):

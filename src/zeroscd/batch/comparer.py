@@ -14,7 +14,7 @@ from zeroscd.batch.task import FIRST, Outcome
 from zeroscd.cache import ExpiringCache
 from zeroscd.detector import Detector
 from zeroscd.export.files import render
-from zeroscd.export.table import change_rows, pair_row
+from zeroscd.export.table import PairNotes, change_rows, pair_row
 from zeroscd.fingerprint import digest, digest_code, digest_values, digest_weights, versions
 from zeroscd.images.exif import read_exif
 from zeroscd.images.read import read_photo
@@ -46,7 +46,7 @@ class Options:
     Attributes:
         detector: Called once in each process to make the detector, such as `functools.partial(
             Detector.from_preset, "robust", device="cuda")`; for Ray it must be picklable.
-        write: Files for each pair's folder, names of `zeroscd.export.files.FILES`; may be empty.
+        write: Files for each pair's folder, names of `zeroscd.export.files.NAMES`; may be empty.
         timeout_s: Longest wait for a remote photo, in seconds.
         cache_bytes: Memory for encoded photos, which other pairs may need again.
         absolute_paths: Write paths of local photos from the root, not relative to the folder of the
@@ -108,9 +108,8 @@ class PairComparer:
             seconds = time.perf_counter() - began
         hits = sum(hit for _, hit in views)
         return replace(
-            self._outcome(result, sides),
+            self._outcome(result, sides, name=task.name),
             row=task.row,
-            name=task.name,
             key=key,
             seconds=round(seconds, 4),
             encoded=len(files) - hits,
@@ -144,7 +143,9 @@ class PairComparer:
         # The same bytes may lie at several addresses.
         return replace(encoded, photo=replace(encoded.photo, path=file.path)), hit
 
-    def _outcome(self, result: ChangeResult, sides: tuple[list[_File], list[_File]]) -> Outcome:
+    def _outcome(
+        self, result: ChangeResult, sides: tuple[list[_File], list[_File]], *, name: str
+    ) -> Outcome:
         # The frames are those of the first photos that could be aligned.
         first = [
             [file.path for file in side].index(str(photo.path))
@@ -154,10 +155,10 @@ class PairComparer:
         notes = read_exif(before), read_exif(after)
         return Outcome(
             row=0,
-            name="",
+            name=name,
             pair={**pair_row(result, notes), **({FIRST: first} if any(first) else {})},
             changes=tuple(change_rows(result, notes)),
-            files=render(result, self._write),
+            files=render(result, self._write, PairNotes(name=name, exif=notes)),
         )
 
 

@@ -26,12 +26,13 @@ if TYPE_CHECKING:
 FILE = "journal.sqlite"
 PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
 OWN_FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", PAIRS, CHANGES)
+CSV_TABLES = PAIRS_CSV, CHANGES_CSV = "pairs.csv", "changes.csv"  # only where they are wanted
 # A survey writes these beside them (tests/survey/test_run.py compares).
 SURVEY_FILES = (
     *("matches.jsonl", "changes.geojson", "coco.json", "report.html", "thumbs"),
     *("events.parquet", "events.geojson", "events.gpkg"),
 )
-RESERVED = (*OWN_FILES, *SURVEY_FILES)  # no pair's folder may have one of these names
+RESERVED = (*OWN_FILES, *CSV_TABLES, *SURVEY_FILES)  # no pair's folder may have one of these names
 CHUNK = 500  # rows read at a time
 OK, FAILED = "ok", "error"
 

@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from zeroscd.cli.console import say, warn
+from zeroscd.cli.console import answer, say, set_audience, warn
 from zeroscd.cli.options import (
     AbsolutePaths,
+    AsJson,
     Device,
     FailOnError,
     OutFolder,
     Overrides,
     Preset,
+    Quiet,
+    parse_files,
     parse_overrides,
 )
 from zeroscd.errors import SettingsError, ZeroscdError
@@ -65,11 +68,14 @@ def batch(
     ] = None,
     absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Compare many pairs; writes OUT/changes.parquet, OUT/pairs.parquet and OUT/ID/ for each pair.
 
     A batch that was stopped or killed continues when the same command is given again.
     """
+    set_audience(quiet=quiet, as_json=as_json)
     chosen = pick_engine(
         engine, workers, {"num_gpus": num_gpus, "concurrency": concurrency, "address": ray_address}
     )
@@ -97,6 +103,8 @@ def batch(
         warn(f"stopped; give the same command again to continue in {out}")
         raise
     tell(summary, out)
+    if as_json:
+        answer(as_values(summary, out))
     check_compared(summary, fail_on_error=fail_on_error)
 
 
@@ -150,20 +158,6 @@ def find_pairs(manifest: str, after: str | None) -> Manifest:
     return open_manifest(manifest)
 
 
-def parse_files(text: str) -> tuple[str, ...]:
-    """Split the list of files that are wanted for each pair.
-
-    Example:
-        >>> parse_files("mask, json"), parse_files("none")
-        (('mask', 'json'), ())
-    """
-    from zeroscd.export.files import FILES
-
-    if text == "all":
-        return tuple(FILES)
-    return tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
-
-
 def pick_engine(
     name: Literal["local", "ray"], workers: int | None, ray_options: Mapping[str, Any]
 ) -> Engine:
@@ -204,3 +198,16 @@ def tell(summary: Summary, out: Path) -> None:
         say(f"photos still known from another pair: {summary.cache_hits / photos:.0%}")
     say(f"changes: {out / CHANGES}")
     say(f"pairs: {out / PAIRS}")
+
+
+def as_values(summary: Summary, out: Path) -> dict[str, object]:
+    """Return a summary and the tables' paths as plain values."""
+    from dataclasses import asdict
+
+    from zeroscd.batch.journal import CHANGES, PAIRS
+
+    return {
+        **asdict(summary),
+        "changes_table": str(out / CHANGES),
+        "pairs_table": str(out / PAIRS),
+    }

@@ -7,14 +7,25 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from zeroscd.cli.console import busy, say, warn
-from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
+from zeroscd.cli.console import answer, busy, say, set_audience, warn
+from zeroscd.cli.options import (
+    AsJson,
+    Device,
+    OutFolder,
+    Overrides,
+    Preset,
+    Quiet,
+    parse_files,
+    parse_overrides,
+)
 from zeroscd.output import check_target
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from zeroscd.result import ChangeResult
+
+WRITE_HELP = "Further files, separated by commas: csv, geojson, coco, label-studio; or all."
 
 
 def detect(
@@ -42,8 +53,11 @@ def detect(
         Literal["t0", "t1"] | None,
         typer.Option(help="The photo the mask is drawn in; the preset's own if not given."),
     ] = None,
+    write: Annotated[str, typer.Option(help=WRITE_HELP)] = "none",
     settings: Overrides = None,
     device: Device = "auto",
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Find what changed between two photos of the same place.
 
@@ -52,15 +66,19 @@ def detect(
 
     Example: zeroscd detect before.jpg after.jpg -o changes --also-before earlier.jpg
     """
+    set_audience(quiet=quiet, as_json=as_json)
     overrides: dict[str, object] = {**parse_overrides(settings)}
     if frame is not None:
         overrides["frame"] = frame
     check_request(preset, overrides, out=out)
+    further = parse_files(write)
     sides = [before, *(also_before or ())], [after, *(also_after or ())]
     result = compare(
         *sides, preset=preset, device=device, overrides=overrides, transients=transients
     )
-    save_and_tell(result, out)
+    save_and_tell(result, out, further=further)
+    if as_json:
+        answer(result.to_dict())
 
 
 def check_request(preset: str, overrides: Mapping[str, object], *, out: Path) -> None:
@@ -112,14 +130,19 @@ def compare(
         return detector.detect(before, after, transients=transients)
 
 
-def save_and_tell(result: ChangeResult, out: Path) -> None:
+def save_and_tell(result: ChangeResult, out: Path, *, further: Sequence[str] = ()) -> None:
     """Write the result and print what was found and where it lies.
+
+    Args:
+        result: What changed.
+        out: Folder for it.
+        further: Files to write beside those that always are.
 
     Raises:
         OutputError: The folder cannot be written.
     """
     with busy("writing"):
-        result.save(out)
+        result.save(out, also=further)
     from zeroscd.export import summary
     from zeroscd.export.files import REPORT
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.batch import check_compared, parse_files, warn_unread
-from zeroscd.cli.console import busy, say, warn
+from zeroscd.cli.batch import check_compared, warn_unread
+from zeroscd.cli.console import busy, say, set_audience, warn
 from zeroscd.cli.options import (
     AbsolutePaths,
     Device,
@@ -20,7 +20,9 @@ from zeroscd.cli.options import (
     Overrides,
     Places,
     Preset,
+    Quiet,
     Within,
+    parse_files,
     parse_overrides,
 )
 from zeroscd.renamed import warn_renamed
@@ -82,6 +84,7 @@ def survey(
     ] = 256,
     absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
+    quiet: Quiet = False,
 ) -> None:
     """Find the old photos of each new one, compare them, and report the changes.
 
@@ -90,13 +93,13 @@ def survey(
 
     Example: zeroscd survey today/ --places places -o changes --within 50
     """
+    set_audience(quiet=quiet)
     overrides, dates = parse_overrides(settings), span_of(old_from, old_until)
     from zeroscd.batch import Local
     from zeroscd.batch.comparer import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
     from zeroscd.cli.progress import Bar
     from zeroscd.detector import Detector
-    from zeroscd.export.files import check_wanted
     from zeroscd.images.folder import PhotoFiles, list_photos
     from zeroscd.retrieval import PlaceIndex
     from zeroscd.survey import MatchRules, compare, match_photos, read_reviews
@@ -105,7 +108,6 @@ def survey(
     score = _min_score(min_score, least_score)
     rules = MatchRules(within_m=within, min_score=score, views=views, dates=dates)
     wanted, reviews = parse_files(write), read_reviews(reviewed) if reviewed else ()
-    check_wanted(wanted)
     files = sum(map(list_photos, photos), PhotoFiles())
     warn_unread(files.unread)
     with busy("opening the place index"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from zeroscd.export.changes import region_values
@@ -24,6 +25,19 @@ if TYPE_CHECKING:
 ROW_GROUP = 1_000
 FURTHER = ("also_before", "also_after")
 NO_NOTES = (Exif(), Exif())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairNotes:
+    """What is known of a pair beside its result.
+
+    Attributes:
+        name: Of the pair in its batch or survey; None for a comparison by itself.
+        exif: What the cameras noted before and after.
+    """
+
+    name: str | None = None
+    exif: tuple[Exif, Exif] = NO_NOTES
 
 
 def changes_schema(*, views: bool = False) -> pa.Schema:
