@@ -118,7 +118,10 @@ def test_a_survey_that_compared_nothing_is_no_success(
 @pytest.mark.parametrize(
     ("extra", "line"),
     [
-        (["--write", "everything"], "error: cannot write 'everything'; choose from"),
+        (
+            ["--write", "everything"],
+            "error: unknown file to write 'everything'; choose one of: mask",
+        ),
         (["--set", "colour=red"], "error: unknown setting 'colour'"),
         (
             ["--old-from", "2020-01-02", "--old-until", "2020-01-01"],

@@ -55,7 +55,7 @@ def check_wanted(wanted: Iterable[str]) -> None:
     """
     for name in wanted:
         if name not in NAMES:
-            raise SettingsError(unknown("file", name, NAMES))
+            raise SettingsError(unknown("file to write", name, NAMES))
 
 
 def file_names(wanted: Iterable[str]) -> tuple[str, ...]:
