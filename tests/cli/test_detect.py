@@ -106,7 +106,7 @@ def test_the_old_name_of_a_setting_works_with_one_warning(
 
 
 def test_further_files_are_written_beside_the_standard_ones(
-    command: list[str], tmp_path: Path, toy_detector: Toy
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(command) == 0
     standard = {path.name for path in (tmp_path / "out").iterdir()}
@@ -114,6 +114,20 @@ def test_further_files_are_written_beside_the_standard_ones(
     assert run([*command, "--write", "coco, csv,geojson,label-studio"]) == 0
     further = {path.name for path in (tmp_path / "out").iterdir()} - standard
     assert further == {"coco.json", "changes.csv", "changes.geojson", "label_studio.json"}
+    assert "neither photo says where it was taken" in capsys.readouterr().err
+
+
+def test_changes_with_a_position_are_no_warning(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Image.open(command[2]) as photo:
+        notes = photo.getexif()
+        notes[0x8825] = {1: "S", 2: (33.0, 30.0, 0.0), 3: "E", 4: (151.0, 0.0, 0.0)}
+        photo.save(command[2], exif=notes)
+    assert run([*command, "--write", "geojson"]) == 0
+    assert "where it was taken" not in capsys.readouterr().err
+    (feature,) = json.loads((tmp_path / "out" / "changes.geojson").read_text())["features"]
+    assert feature["geometry"]["coordinates"] == [151.0, -33.5]
 
 
 def test_an_unknown_further_file_is_refused_before_the_networks_are_loaded(

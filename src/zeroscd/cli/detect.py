@@ -71,12 +71,12 @@ def detect(
     if frame is not None:
         overrides["frame"] = frame
     check_request(preset, overrides, out=out)
-    further = parse_files(write)
+    also = parse_files(write)
     sides = [before, *(also_before or ())], [after, *(also_after or ())]
     result = compare(
         *sides, preset=preset, device=device, overrides=overrides, transients=transients
     )
-    save_and_tell(result, out, further=further)
+    save_and_tell(result, out, also=also)
     if as_json:
         answer(result.to_dict())
 
@@ -130,19 +130,19 @@ def compare(
         return detector.detect(before, after, transients=transients)
 
 
-def save_and_tell(result: ChangeResult, out: Path, *, further: Sequence[str] = ()) -> None:
+def save_and_tell(result: ChangeResult, out: Path, *, also: Sequence[str] = ()) -> None:
     """Write the result and print what was found and where it lies.
 
     Args:
         result: What changed.
         out: Folder for it.
-        further: Files to write beside those that always are.
+        also: Files to write beside those that always are.
 
     Raises:
         OutputError: The folder cannot be written.
     """
     with busy("writing"):
-        result.save(out, also=further)
+        result.save(out, also=also)
     from zeroscd.export import summary
     from zeroscd.export.files import REPORT
 
@@ -154,3 +154,11 @@ def save_and_tell(result: ChangeResult, out: Path, *, further: Sequence[str] = (
     if passing := summary.transients_sentence(result):
         say(passing)
     say(f"report: {out / REPORT}")
+    if "geojson" in also and not _is_placed(result):
+        warn("neither photo says where it was taken: what changes.geojson holds has no position")
+
+
+def _is_placed(result: ChangeResult) -> bool:
+    from zeroscd.images.exif import read_exif
+
+    return any(read_exif(str(photo.path)).gps for photo in (result.before, result.after))

@@ -27,7 +27,7 @@ def label_studio_json(result: Changes, notes: PairNotes) -> bytes:
         OutputError: A photo was not read from a file or an address.
     """
     task = label_studio_task(result, pair=notes.name)
-    return (json.dumps(task, indent=1, allow_nan=False) + "\n").encode("ascii")
+    return (json.dumps(task, allow_nan=False) + "\n").encode("ascii")
 
 
 def label_studio_task(result: Changes, *, pair: str | None = None) -> dict[str, Any]:
