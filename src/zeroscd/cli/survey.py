@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from zeroscd.cli.batch import check_compared, warn_unread
-from zeroscd.cli.console import busy, say, set_audience, warn
+from zeroscd.cli.console import answer, busy, say, set_audience, warn
 from zeroscd.cli.options import (
     AbsolutePaths,
+    AsJson,
     Device,
     FailOnError,
     OutFolder,
@@ -84,6 +85,7 @@ def survey(
     ] = 256,
     absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
+    as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Find the old photos of each new one, compare them, and report the changes.
@@ -93,7 +95,7 @@ def survey(
 
     Example: zeroscd survey today/ --places places -o changes --within 50
     """
-    set_audience(quiet=quiet)
+    set_audience(quiet=quiet, as_json=as_json)
     overrides, dates = parse_overrides(settings), span_of(old_from, old_until)
     from zeroscd.batch import Local
     from zeroscd.batch.comparer import MEBIBYTE, Options
@@ -130,6 +132,8 @@ def survey(
         warn(f"stopped; give the same command again to continue in {out}")
         raise
     tell(summary)
+    if as_json:
+        answer(as_values(summary))
     check_compared(summary.batch, fail_on_error=fail_on_error)
 
 
@@ -174,6 +178,19 @@ def tell(summary: Summary) -> None:
     if not is_available():
         warn(f"events.gpkg is left out: it needs pyogrio; {HINT}")
     say(f"report: {summary.report}")
+
+
+def as_values(summary: Summary) -> dict[str, object]:
+    """Return what `tell` says as plain values."""
+    return {
+        "photos": len(summary.matches),
+        "matched": summary.matched,
+        "failed": summary.batch.failed,
+        "regions": summary.batch.regions,
+        "events": len(summary.events),
+        "sightings": sum(event.sightings for event in summary.events),
+        "report": str(summary.report),
+    }
 
 
 def _tell_reviews(summary: Summary) -> None:
