@@ -86,6 +86,20 @@ def test_csv_tables_say_what_the_parquet_tables_say(
         ]
 
 
+def test_label_studio_finds_the_photos_of_a_batch_where_it_ran(
+    street: Path, tmp_path: Path, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = replace(quick(toy), write=("label-studio",))
+    run(street.relative_to(tmp_path) / "pairs.csv", tmp_path / "out", options=options)
+    task = json.loads((tmp_path / "out" / "p3" / "label_studio.json").read_text())
+    assert task["data"] == {
+        "before": "/data/local-files/?d=street/t0/3.png",
+        "after": "/data/local-files/?d=street/t1/3.png",
+        "pair": "p3",
+    }
+
+
 def test_without_csv_there_are_no_such_tables(
     street: Path, tmp_path: Path, toy: ModuleType
 ) -> None:

@@ -79,6 +79,12 @@ def test_a_web_address_stays_as_it_is(result: ChangeResult) -> None:
     assert task["data"]["after"] == address
 
 
+def test_a_batch_says_where_its_photos_lie(result: ChangeResult) -> None:
+    task = task_of(result, addresses=("old/elm.jpg", "https://example.org/new.jpg"))
+    assert task["data"]["before"] == "/data/local-files/?d=old/elm.jpg"
+    assert task["data"]["after"] == "https://example.org/new.jpg"
+
+
 def test_nothing_changed_is_a_task_with_an_empty_prediction(nothing: ChangeResult) -> None:
     (prediction,) = task_of(nothing)["predictions"]
     assert (prediction["result"], prediction["score"]) == ([], 0.0)

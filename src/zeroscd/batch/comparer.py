@@ -151,14 +151,15 @@ class PairComparer:
             [file.path for file in side].index(str(photo.path))
             for side, photo in zip(sides, (result.before, result.after), strict=True)
         ]
-        before, after = (side[number].content for side, number in zip(sides, first, strict=True))
-        notes = read_exif(before), read_exif(after)
+        before, after = (side[number] for side, number in zip(sides, first, strict=True))
+        exif = read_exif(before.content), read_exif(after.content)
+        notes = PairNotes(name=name, exif=exif, addresses=(before.address, after.address))
         return Outcome(
             row=0,
             name=name,
-            pair={**pair_row(result, notes), **({FIRST: first} if any(first) else {})},
-            changes=tuple(change_rows(result, notes)),
-            files=render(result, self._write, PairNotes(name=name, exif=notes)),
+            pair={**pair_row(result, exif), **({FIRST: first} if any(first) else {})},
+            changes=tuple(change_rows(result, exif)),
+            files=render(result, self._write, notes),
         )
 
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from zeroscd.export.table import PairNotes
-    from zeroscd.images.photo import Photo
     from zeroscd.records import Changes, Region
 
 LOCAL_FILES = "/data/local-files/?d="  # where Label Studio serves files of its own machine
@@ -26,11 +25,11 @@ def label_studio_json(result: Changes, notes: PairNotes) -> bytes:
     Raises:
         OutputError: A photo was not read from a file or an address.
     """
-    task = label_studio_task(result, pair=notes.name)
+    task = label_studio_task(result, notes)
     return (json.dumps(task, allow_nan=False) + "\n").encode("ascii")
 
 
-def label_studio_task(result: Changes, *, pair: str | None = None) -> dict[str, Any]:
+def label_studio_task(result: Changes, notes: PairNotes) -> dict[str, Any]:
     """Return one task: the photos as `before` and `after`, and a prediction with the regions.
 
     Each outline of a region is a polygon with the region's kind as its label and the region's
@@ -39,7 +38,7 @@ def label_studio_task(result: Changes, *, pair: str | None = None) -> dict[str, 
 
     Args:
         result: Its photos must have been read from files or addresses.
-        pair: Name of the pair, shown in the list of tasks.
+        notes: The pair's name, which the list of tasks shows, and where its photos lie.
 
     Raises:
         OutputError: A photo was not.
@@ -47,6 +46,7 @@ def label_studio_task(result: Changes, *, pair: str | None = None) -> dict[str, 
     Source: https://labelstud.io/guide/predictions
     """
     photos = {"t0": result.before, "t1": result.after}
+    addresses = notes.addresses or (result.before.path, result.after.path)
     outlines = [
         outline
         for region in result.regions
@@ -54,8 +54,11 @@ def label_studio_task(result: Changes, *, pair: str | None = None) -> dict[str, 
     ]
     return {
         "data": {
-            **{SIDES[frame]: _address(photo, SIDES[frame]) for frame, photo in photos.items()},
-            "pair": pair,
+            **{
+                side: _served(address, side)
+                for side, address in zip(SIDES.values(), addresses, strict=True)
+            },
+            "pair": notes.name,
         },
         "predictions": [
             {
@@ -67,19 +70,17 @@ def label_studio_task(result: Changes, *, pair: str | None = None) -> dict[str, 
     }
 
 
-def _address(photo: Photo, side: str) -> str:
+def _served(address: str | None, side: str) -> str:
     """Return a web address as it is, and a path as Label Studio asks its own machine for it."""
-    if photo.path is None:
+    if address is None:
         message = (
             f"cannot make a Label Studio task: the photo {side} was not read from a file; "
             "save it and give its path"
         )
         raise OutputError(message)
-    if "://" in photo.path:
-        return photo.path
-    return LOCAL_FILES + quote(
-        PurePath(photo.path).as_posix().lstrip("/"), errors="surrogateescape"
-    )
+    if "://" in address:
+        return address
+    return LOCAL_FILES + quote(PurePath(address).as_posix().lstrip("/"), errors="surrogateescape")
 
 
 def _outlines(region: Region, size_hw: tuple[int, int]) -> Iterator[dict[str, Any]]:

@@ -34,10 +34,13 @@ class PairNotes:
     Attributes:
         name: Of the pair in its batch or survey; None for a comparison by itself.
         exif: What the cameras noted before and after.
+        addresses: Where this process found the photos, if the result's paths are relative to
+            another folder than its own.
     """
 
     name: str | None = None
     exif: tuple[Exif, Exif] = NO_NOTES
+    addresses: tuple[str, str] | None = None
 
 
 def changes_schema(*, views: bool = False) -> pa.Schema:
