@@ -18,7 +18,7 @@ from zeroscd.records import Changes
 from zeroscd.renamed import moved_names
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from matplotlib.axes import Axes
@@ -99,16 +99,22 @@ class ChangeResult(Changes):
         """
         return detections(self)
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, *, also: Iterable[str] = ()) -> None:
         """Write the mask, the pictures, `changes.json` and the report into a folder.
 
         Either all files appear or none: they are written elsewhere first. `zeroscd.load` reads
         them again.
 
+        Args:
+            folder: Where to; missing folders are made.
+            also: Files for other tools to write beside them: "coco", "csv", "geojson" or
+                "label-studio".
+
         Raises:
+            SettingsError: An unknown file.
             OutputError: The folder cannot be written.
         """
-        save_result(self, folder)
+        save_result(self, folder, also=also)
 
 
 def _new_axes() -> Axes:

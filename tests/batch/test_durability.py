@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from zeroscd.batch import Options, run
-from zeroscd.export.files import FILES
+from zeroscd.export import files
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -149,16 +149,16 @@ def test_both_tables_are_synced_before_they_take_their_names(
         assert re.search(rf"fsync\(\d+<{out}>", calls[moved + 1])
 
 
-@pytest.mark.parametrize("kind", FILES)
+@pytest.mark.parametrize("kind", files.NAMES)
 def test_a_file_that_lost_its_end_is_made_again_and_no_other_pair_is_compared(
     street: Path, tmp_path: Path, toy: ModuleType, kind: str
 ) -> None:
-    options = Options(detector=toy.make, write=tuple(FILES))
+    options = Options(detector=toy.make, write=files.NAMES)
     out = tmp_path / "out"
     assert sorted(computed(street, out, options)) == [*NAMES]
     assert computed(street, out, options) == []
     for name, share in zip(NAMES, (0.0, 0.5, 1.0), strict=False):
-        path = out / name / FILES[kind][0]
+        path = out / name / files.file_names([kind])[0]
         whole = path.read_bytes()
         path.write_bytes(whole[: int(share * (len(whole) - 1))])
         assert computed(street, out, options) == [name]

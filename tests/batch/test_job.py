@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -9,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,6 +55,66 @@ def quick(toy: ModuleType, **settings: Any) -> Options:
 
 def computed(progress: Counting) -> list[str]:
     return sorted(name for name, reused in progress.heard if not reused)
+
+
+def cells(path: Path) -> list[dict[str, Any]]:
+    """The rows of a CSV table, those cells that are JSON read as such."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return [{name: cell or None for name, cell in row.items()} for row in csv.DictReader(file)]
+
+
+def test_csv_tables_say_what_the_parquet_tables_say(
+    street: Path, tmp_path: Path, toy: ModuleType, tables: Tables
+) -> None:
+    out = tmp_path / "out"
+    options = replace(quick(toy), write=("csv", "geojson"))
+    run(street / "pairs.csv", out, options=options)
+    for rows, name in zip(tables(out), ("pairs", "changes"), strict=True):
+        found = cells(out / f"{name}.csv")
+        assert len(found) == len(rows) >= PAIRS
+        for row, line in zip(rows, found, strict=True):
+            assert set(line) - set(row) <= {"seconds"}  # which `tables` leaves out
+            for column, value in row.items():
+                text = isinstance(value, str | None)
+                assert (line[column] if text else json.loads(line[column])) == value
+    for number in range(PAIRS):
+        mine = [row for row in cells(out / "changes.csv") if row["pair"] == f"p{number}"]
+        assert cells(out / f"p{number}" / "changes.csv") == mine
+        content = json.loads((out / f"p{number}" / "changes.geojson").read_text())
+        assert [one["id"] for one in content["features"]] == [
+            f"p{number}/{row['region']}" for row in mine
+        ]
+
+
+def test_label_studio_finds_the_photos_of_a_batch_where_it_ran(
+    street: Path, tmp_path: Path, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = replace(quick(toy), write=("label-studio",))
+    run(street.relative_to(tmp_path) / "pairs.csv", tmp_path / "out", options=options)
+    task = json.loads((tmp_path / "out" / "p3" / "label_studio.json").read_text())
+    assert task["data"] == {
+        "before": "/data/local-files/?d=street/t0/3.png",
+        "after": "/data/local-files/?d=street/t1/3.png",
+        "pair": "p3",
+    }
+
+
+def test_without_csv_there_are_no_such_tables(
+    street: Path, tmp_path: Path, toy: ModuleType
+) -> None:
+    run(street / "pairs.csv", tmp_path / "out", options=quick(toy))
+    assert not list((tmp_path / "out").rglob("*.csv"))
+
+
+def test_a_csv_table_never_takes_the_place_of_the_manifest(street: Path, toy: ModuleType) -> None:
+    before = (street / "pairs.csv").read_bytes()
+    options = replace(quick(toy), write=("csv",))
+    with pytest.raises(OutputError, match=r"pairs\.csv: it is the manifest; choose another"):
+        run(street / "pairs.csv", street, options=options)
+    assert (street / "pairs.csv").read_bytes() == before
+    assert sorted(path.name for path in street.iterdir()) == ["pairs.csv", "t0", "t1"]
+    assert run(street / "pairs.csv", street, options=quick(toy)).failed == 0
 
 
 def test_rows_folders_and_pixels_agree_with_the_detector(
@@ -338,7 +400,7 @@ def test_what_would_fail_for_every_pair_ends_the_run(
 
     with pytest.raises(WeightsError, match="damaged"):
         run(street / "pairs.csv", tmp_path / "out", options=Options(detector=damaged))
-    with pytest.raises(SettingsError, match="cannot write 'masks'; choose from: mask, removed"):
+    with pytest.raises(SettingsError, match="file to write 'masks'; did you mean mask"):
         run(street / "pairs.csv", tmp_path / "new", options=Options(write=("masks",)))
     assert not (tmp_path / "new").exists()
 

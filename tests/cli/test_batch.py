@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -7,10 +8,11 @@ import pytest
 
 from zeroscd import batch
 from zeroscd.batch.cluster import Ray
-from zeroscd.cli.batch import parse_files, pick_engine
+from zeroscd.cli.batch import pick_engine
 from zeroscd.cli.main import run
+from zeroscd.cli.options import parse_files
 from zeroscd.errors import SettingsError
-from zeroscd.export.files import FILES
+from zeroscd.export.files import NAMES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -102,6 +104,38 @@ def test_a_batch_says_what_was_done_and_where_it_lies(
         f"warning: 2 of 10 pairs could not be compared; see the column error of "
         f"{out}/pairs.parquet; the first: old.jpg is empty"
     )
+
+
+def test_a_program_gets_the_summary_also_when_nothing_could_be_compared(
+    manifest: Path, tmp_path: Path, asked: Asked, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked.answer = batch.Summary(pairs=3, failed=3, regions=0, first_error="old.jpg is empty")
+    out = tmp_path / "out"
+    assert run(["batch", str(manifest), "-o", str(out), "--json"]) == 2
+    captured = capsys.readouterr()
+    assert json.loads(captured.out) == {
+        "pairs": 3,
+        "reused": 0,
+        "failed": 3,
+        "regions": 0,
+        "encoded": 0,
+        "cache_hits": 0,
+        "first_error": "old.jpg is empty",
+        "changes_table": f"{out}/changes.parquet",
+        "pairs_table": f"{out}/pairs.parquet",
+    }
+    assert "0 of 3 pairs compared; 0 changed regions" in captured.err.splitlines()
+
+
+def test_a_quiet_batch_leaves_warnings(
+    manifest: Path, tmp_path: Path, asked: Asked, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked.answer = batch.Summary(pairs=3, failed=1, regions=2, first_error="old.jpg is empty")
+    assert run(["batch", str(manifest), "-o", str(tmp_path / "out"), "-q"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    assert line.startswith("warning: 1 of 3 pairs could not be compared")
 
 
 def test_options_reach_the_batch(manifest: Path, tmp_path: Path, asked: Asked) -> None:
@@ -199,8 +233,10 @@ def test_ctrl_c_says_how_to_continue(
 
 
 def test_names_of_files_are_parsed() -> None:
-    assert parse_files("all") == tuple(FILES)
+    assert parse_files("all") == NAMES
     assert parse_files("none") == ()
     assert parse_files(" mask , coco,") == ("mask", "coco")
+    with pytest.raises(SettingsError, match="did you mean mask"):
+        parse_files("masks,none")
     with pytest.raises(SettingsError, match="--workers"):
         pick_engine("ray", 1, {})

@@ -106,6 +106,82 @@ def test_the_old_name_of_a_setting_works_with_one_warning(
     ]
 
 
+def test_further_files_are_written_beside_the_standard_ones(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(command) == 0
+    standard = {path.name for path in (tmp_path / "out").iterdir()}
+    assert len(standard) == 7
+    assert run([*command, "--write", "coco, csv,geojson,label-studio"]) == 0
+    further = {path.name for path in (tmp_path / "out").iterdir()} - standard
+    assert further == {"coco.json", "changes.csv", "changes.geojson", "label_studio.json"}
+    assert "neither photo says where it was taken" in capsys.readouterr().err
+
+
+def test_changes_with_a_position_are_no_warning(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Image.open(command[2]) as photo:
+        notes = photo.getexif()
+        notes[0x8825] = {1: "S", 2: (33.0, 30.0, 0.0), 3: "E", 4: (151.0, 0.0, 0.0)}
+        photo.save(command[2], exif=notes)
+    assert run([*command, "--write", "geojson"]) == 0
+    assert "where it was taken" not in capsys.readouterr().err
+    (feature,) = json.loads((tmp_path / "out" / "changes.geojson").read_text())["features"]
+    assert feature["geometry"]["coordinates"] == [151.0, -33.5]
+
+
+def test_an_unknown_further_file_is_refused_before_the_networks_are_loaded(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--write", "csv,geojsn"]) == 2
+    assert capsys.readouterr().err.startswith(
+        "error: unknown file to write 'geojsn'; did you mean geojson? (choose one of: mask, "
+    )
+    assert toy_detector.requests == []
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_program_gets_changes_json_and_nothing_else_on_stdout(
+    command: list[str], tmp_path: Path, toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--json"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == (tmp_path / "out" / "changes.json").read_text()
+    warning, *lines = captured.err.splitlines()
+    assert warning.startswith("warning: The photos could not be aligned")
+    assert lines == [
+        "1 region added; 4.2 % of the judged scene changed",
+        f"report: {tmp_path / 'out' / 'report.html'}",
+    ]
+
+
+def test_a_program_gets_no_half_a_document_when_something_is_wrong(
+    command: list[str], toy_detector: Toy, capsys: pytest.CaptureFixture[str]
+) -> None:
+    toy_detector.failure = WeightsError("damaged")
+    assert run([*command, "--json"]) == 2
+    assert capsys.readouterr() == ("", "error: damaged\n")
+
+
+@pytest.mark.parametrize("quiet", ["-q", "--quiet"])
+def test_quiet_leaves_warnings_and_files(
+    command: list[str],
+    tmp_path: Path,
+    toy_detector: Toy,
+    capsys: pytest.CaptureFixture[str],
+    quiet: str,
+) -> None:
+    assert run([*command, quiet]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    assert line.startswith("warning: The photos could not be aligned")
+    assert (tmp_path / "out" / "report.html").exists()
+    assert run(command) == 0  # the next command is not quiet
+    assert len(capsys.readouterr().out.splitlines()) == 2
+
+
 def test_without_options_the_preset_decides(command: list[str], toy_detector: Toy) -> None:
     assert run(command) == 0
     assert toy_detector.requests == [("lite", "auto", {})]

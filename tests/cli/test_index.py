@@ -49,6 +49,16 @@ def draw(seed: int) -> np.ndarray:
     return np.repeat(np.repeat(blocks, 8, axis=0), 8, axis=1)
 
 
+def test_a_quiet_build_leaves_its_index_and_no_word(
+    old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    address = str(tmp_path / "places")
+    assert run(["index", "build", str(old), "-o", address, "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert run(["index", "info", "--places", address, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["photos"] == 3
+
+
 def test_a_build_says_what_it_added_and_again_what_was_there(
     old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,14 +1,17 @@
 from __future__ import annotations
 
 import os
+import platform
 import resource
 import subprocess
 import sys
 import tomllib
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+import torch
 
 from zeroscd import __version__
 from zeroscd.cli.main import run
@@ -54,13 +57,19 @@ READERS = (
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["fly"], "No such command 'fly'"),
-        (["--fly"], "No such option: --fly"),
-        (["models"], "Missing command"),
-        (["detect"], "Missing argument 'BEFORE'"),
-        (["detect", "a.jpg"], "Missing argument 'AFTER'"),
-        (["detect", "a.jpg", "b.jpg"], "Missing option '--out'"),
-        (["detect", "a.jpg", "b.jpg", "-o"], "requires an argument"),
+        (["fly"], "No such command 'fly'; see `zeroscd --help`\n"),
+        (["detct"], "No such command 'detct'; did you mean detect? (see `zeroscd --help`)\n"),
+        (["index", "biuld"], "did you mean build? (see `zeroscd index --help`)\n"),
+        (["--fly"], "No such option: --fly; see `zeroscd --help`\n"),
+        (["--versoin"], "--versoin; did you mean --version? (see `zeroscd --help`)\n"),
+        (["detect", "--also-befor", "c"], "did you mean --also-before? (see `zeroscd detect --h"),
+        (["index", "query", "--wihtin", "5"], "mean --within? (see `zeroscd index query --help`)"),
+        (["models"], "Missing command; see `zeroscd models --help`\n"),
+        (["detect"], "Missing argument 'BEFORE'; see `zeroscd detect --help`\n"),
+        (["detect", "a.jpg"], "Missing argument 'AFTER'; see `zeroscd detect --help`\n"),
+        (["detect", "a.jpg", "b.jpg"], "Missing option '--out' / '-o'; see `zeroscd detect"),
+        (["index", "query"], "Missing argument 'PHOTO'; see `zeroscd index query --help`\n"),
+        (["detect", "a.jpg", "b.jpg", "-o"], "requires an argument; see `zeroscd detect --help`\n"),
         (["detect", "a.jpg", "b.jpg", "c.jpg", "-o", "out"], "c.jpg"),
         (["detect", "a.jpg", "b.jpg", "-o", "out", "--frame", "t2"], "'t2' is not one of"),
         (["detect", "a.jpg", "b.jpg", "-o", "out", "--device", "tpu"], "'tpu' is not one of"),
@@ -71,6 +80,11 @@ READERS = (
         (["detect", "a.jpg", "b.jpg", "-o", "out", "--set", "tau=x"], "not 'x'"),
         (["detect", "a.jpg", "b.jpg", "-o", "in_the_way"], "in_the_way is not a folder"),
         (["demo", "-o", "in_the_way/deeper"], "in_the_way is not a folder"),
+        (["detect", "a.jpg", "b.jpg", "-o", "out", "--write", "cocco"], "did you mean coco? (ch"),
+        (["detect", "a.jpg", "b.jpg", "-o", "out", "--preset", "lit"], "did you mean lite? (ch"),
+        (["batch", "a", "b", "-o", "out", "--write", "geojsn"], "did you mean geojson? (choose"),
+        (["evaluate", "vl-cmu", "x", "-o", "out"], "did you mean vl-cmu-cd? (choose one of: fo"),
+        (["models", "path", "sam-vit-bb"], "did you mean sam-vit-b? (choose one of: "),
         (["detect", "missing.jpg", "b.jpg", "-o", "out"], "missing.jpg does not exist"),
         (["detect", "a.jpg", "b.jpg", "-o", ""], "after `zeroscd detect a.jpg b.jpg -o` is empty"),
         (["detect", "in_the_way", "b.jpg", "-o", "out"], "in_the_way"),
@@ -105,9 +119,77 @@ def test_a_file_name_cannot_move_the_cursor_or_break_the_line(
     assert "\\x1b[31m" in line
 
 
-def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_is_told_with_those_that_a_report_of_a_bug_needs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
     assert run(["--version"]) == 0
-    assert capsys.readouterr().out == f"zeroscd {__version__}\n"
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert first == f"zeroscd {__version__}"
+    said = dict(line.split(" ", 1) for line in lines)
+    assert said["torch"] == torch.__version__
+    assert said["python"] == platform.python_version()
+    assert (said["OMP_NUM_THREADS"], int(said["cores"]) > 0) == ("3", True)
+    assert said["transformers"] == metadata.version("transformers")
+    assert list(said) == [
+        *("python", "platform", "cores", "OMP_NUM_THREADS"),
+        *("torch", "numpy", "opencv-python-headless", "pillow", "transformers"),
+    ]
+
+
+def test_what_is_not_installed_is_left_out_of_the_versions_or_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def version(name: str) -> str:
+        if name in ("pillow", "transformers"):
+            raise metadata.PackageNotFoundError(name)
+        return "1"
+
+    monkeypatch.setattr(metadata, "version", version)
+    assert run(["--version"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "pillow not installed" in lines
+    assert not [line for line in lines if line.startswith("transformers")]
+
+
+def complete(words: str) -> list[str]:
+    """What a shell offers for the last of some words."""
+    setting = {"_ZEROSCD_COMPLETE": "complete_bash", "COMP_WORDS": words}
+    place = {"COMP_CWORD": str(len(words.split()) - 1)}
+    command = [sys.executable, "-c", "from zeroscd.cli.main import main; main()"]
+    done = subprocess.run(
+        command, env=os.environ | setting | place, capture_output=True, text=True, check=True
+    )
+    return done.stdout.split()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("zeroscd det", ["detect"]),
+        ("zeroscd detect --also-b", ["--also-before"]),
+        ("zeroscd detect --preset dinov2", ["dinov2-s", "dinov2-b"]),
+        ("zeroscd evaluate pcd", ["pcd2015-tsunami", "pcd2015-gsv"]),
+        ("zeroscd models fetch mobile", ["mobile-sam"]),
+    ],
+)
+def test_the_shell_completes_commands_options_and_names(words: str, offered: list[str]) -> None:
+    assert complete(words) == offered
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_completion_of_each_shell_asks_zeroscd(
+    shell: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("shellingham.detect_shell", lambda: (shell, f"/bin/{shell}"))
+    with pytest.raises(SystemExit) as done:
+        run(["--show-completion"])
+    assert done.value.code == 0
+    script = capsys.readouterr().out
+    assert f"_ZEROSCD_COMPLETE=complete_{shell}" in script
+    assert "zeroscd" in script.split()
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"]])
@@ -127,7 +209,9 @@ def test_help_of_detect_has_an_example_and_the_defaults(
     assert "[default: auto]" in text
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["detect", "--help"], ["evaluate", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["detect", "--help"], ["evaluate", "--help"], ["--version"]]
+)
 def test_help_imports_nothing_slow(arguments: list[str]) -> None:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert outcome_and_slow_imports(*arguments) == ["0"]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import subprocess
 import sys
 from typing import TYPE_CHECKING
@@ -53,6 +54,24 @@ def run(*arguments: str) -> Result:
 def error_of(result: Result) -> str:
     assert isinstance(result.exception, WeightsError)
     return str(result.exception)
+
+
+def test_a_program_gets_the_list_as_one_document(toy: WeightFile, folder: Path) -> None:
+    folder.mkdir()
+    (folder / toy.file).write_bytes(CONTENT)
+    rows = {row["name"]: row for row in json.loads(run("list", "--json").stdout)}
+    assert list(rows) == list(CATALOGUE)
+    assert rows["toy"] == {
+        "name": "toy",
+        "for": "encoder",
+        "bytes": len(CONTENT),
+        "licence": "MIT",
+        "here": True,
+        "path": str(folder / toy.file),
+        "sha256": toy.sha256,
+        "note": None,
+    }
+    assert not rows["sam-vit-h"]["here"]
 
 
 def test_the_list_says_of_every_model_whether_it_is_here(toy: WeightFile, folder: Path) -> None:

@@ -47,6 +47,23 @@ def command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
     return ["survey", str(tmp_path / "new"), "--places", places, "-o", out]
 
 
+def test_a_program_gets_the_counts_of_a_survey_alone(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, "--min-score", "0.1", "--write", "none", "--json", "-q"]) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out) == {
+        "photos": 2,
+        "matched": 1,
+        "failed": 1,
+        "regions": 0,
+        "events": 0,
+        "sightings": 0,
+        "report": str(tmp_path / "out" / "report.html"),
+    }
+    assert all(line.startswith("warning: ") for line in captured.err.splitlines())
+
+
 def test_a_survey_says_what_it_found_and_where_the_report_is(
     command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -118,7 +135,10 @@ def test_a_survey_that_compared_nothing_is_no_success(
 @pytest.mark.parametrize(
     ("extra", "line"),
     [
-        (["--write", "everything"], "error: cannot write 'everything'; choose from"),
+        (
+            ["--write", "everything"],
+            "error: unknown file to write 'everything'; choose one of: mask",
+        ),
         (["--set", "colour=red"], "error: unknown setting 'colour'"),
         (
             ["--old-from", "2020-01-02", "--old-until", "2020-01-01"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextvars import copy_context
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -99,6 +100,31 @@ def test_evaluate_writes_the_promised_files_and_prints_the_table(
     page = (tmp_path / "out" / "report.html").read_text()
     assert "false regions a pair in those" in page
     assert "3 pairs, t0/ t1/ mask/ with equal names" in shown.err
+
+
+def test_a_program_gets_the_scores_and_the_tables_go_to_stderr(
+    app: typer.Typer, tiny_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = "evaluate", "folder", tiny_folder, "-o", tmp_path / "out", "--json"
+    copy_context().run(lambda: run(app, *words))
+    shown = capsys.readouterr()
+    assert json.loads(shown.out) == json.loads((tmp_path / "out" / "scores.json").read_text())
+    assert "F1, mean over pairs" in shown.err
+
+
+@pytest.mark.parametrize("command", [["evaluate"], ["ablate", "--over", "tau=1"]])
+def test_quiet_commands_write_their_files_and_print_nothing(
+    app: typer.Typer,
+    tiny_folder: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    command: list[str],
+) -> None:
+    name, *options = command
+    where = tiny_folder, "-o", tmp_path / "out"
+    copy_context().run(lambda: run(app, name, "folder", *where, "--quiet", *options))
+    assert capsys.readouterr().out == ""
+    assert (tmp_path / "out" / "report.html").exists()
 
 
 @pytest.mark.parametrize("command", [["evaluate"], ["ablate", "--over", "tau=1"]])

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from zeroscd.errors import OutputError, SettingsError
-from zeroscd.export.files import FILES, PROMISED, check_wanted, file_names, render, save_result
+from zeroscd.export.files import NAMES, PROMISED, check_wanted, file_names, render, save_result
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,7 +28,14 @@ SAVED = {
     "report.html",
     "changes.json",
 }
-START = {".png": b"\x89PNG", ".json": b"{", ".html": b"<!"}
+START = {
+    ".png": b"\x89PNG",
+    ".json": b"{",
+    ".html": b"<!",
+    ".csv": b"pair,region,",
+    ".geojson": b'{"type": "FeatureCollection"',
+}
+GPS_FOLDER = 0x8825
 
 
 def everything_below(folder: Path) -> set[str]:
@@ -36,8 +43,8 @@ def everything_below(folder: Path) -> set[str]:
 
 
 def test_every_file_has_the_content_that_its_suffix_says(result: ChangeResult) -> None:
-    found = render(result, FILES)
-    assert list(found) == list(file_names(FILES))
+    found = render(result, NAMES)
+    assert list(found) == list(file_names(NAMES))
     for name, content in found.items():
         assert content.lstrip().startswith(START["." + name.split(".")[1]]), name
 
@@ -51,8 +58,8 @@ def test_only_the_wanted_files_are_drawn(result: ChangeResult) -> None:
 
 
 def test_an_unknown_file_is_refused_with_the_known_ones() -> None:
-    check_wanted(FILES)
-    with pytest.raises(SettingsError, match=r"cannot write 'masks'; choose from: mask, .*coco"):
+    check_wanted(NAMES)
+    with pytest.raises(SettingsError, match="unknown file to write 'masks'; did you mean mask"):
         check_wanted(["json", "masks"])
 
 
@@ -109,3 +116,42 @@ def test_a_write_that_the_system_cuts_short_leaves_nothing_behind(
     with pytest.raises(OutputError, match="File too large"):
         result.save(tmp_path / "out")
     assert everything_below(tmp_path) == set()
+
+
+def test_further_files_stand_beside_those_that_are_always_written(
+    result: ChangeResult, tmp_path: Path
+) -> None:
+    result.save(tmp_path, also=["coco", "csv", "mask"])
+    assert everything_below(tmp_path) == {*SAVED, "coco.json", "changes.csv"}
+
+
+def test_an_unknown_further_file_is_refused_before_anything_is_written(
+    result: ChangeResult, tmp_path: Path
+) -> None:
+    with pytest.raises(SettingsError, match="did you mean geojson"):
+        result.save(tmp_path / "out", also=["csv", "geojsn"])
+    assert everything_below(tmp_path) == set()
+
+
+def test_a_result_from_memory_has_no_label_studio_task_and_nothing_is_written(
+    result: ChangeResult, tmp_path: Path
+) -> None:
+    anonymous = replace(result, before=replace(result.before, path=None))
+    with pytest.raises(OutputError, match="the photo before was not read from a file"):
+        anonymous.save(tmp_path / "out", also=["label-studio"])
+    assert everything_below(tmp_path) == set()
+
+
+def test_positions_come_from_the_photos_files(result: ChangeResult, tmp_path: Path) -> None:
+    notes = Image.Exif()
+    notes[GPS_FOLDER] = {1: "N", 2: (46.5, 0.0, 0.0), 3: "E", 4: (7.25, 0.0, 0.0)}
+    path = str(tmp_path / "after.png")
+    Image.fromarray(result.after.pixels).save(path, exif=notes)
+    replace(result, after=replace(result.after, path=path)).save(
+        tmp_path / "out", also=["geojson", "csv"]
+    )
+    features = json.loads((tmp_path / "out" / "changes.geojson").read_text())["features"]
+    assert [one["id"] for one in features] == [1, 2]
+    assert [one["geometry"]["coordinates"] for one in features] == [[7.25, 46.5]] * 2
+    assert features[0]["properties"]["before"] == "photos/old street.jpg"
+    assert (tmp_path / "out" / "changes.csv").read_text().count(",46.5,7.25\n") == 2

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.export.geojson import feature, geojson, geojson_lines
-from zeroscd.export.table import change_rows, pair_row
+from zeroscd.export.geojson import changes_geojson, feature, geojson, geojson_lines
+from zeroscd.export.table import PairNotes, change_rows, pair_row
 from zeroscd.images.exif import Exif
 from zeroscd.images.photo import Photo
 from zeroscd.records import NotAligned, Region
 from zeroscd.result import ChangeResult
 from zeroscd.settings import Settings
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 CHANGE: dict[str, Any] = {
     "pair": "elm",
@@ -103,6 +108,26 @@ def test_a_result_becomes_features_through_the_rows_of_the_tables() -> None:
     assert found["geometry"]["coordinates"] == [2.5, 1.5]
     assert found["properties"]["from"] == "2019-01-01T00:00:00"
     assert found["properties"]["to"] is None
+    alone = json.loads(changes_geojson(result, PairNotes(exif=notes)))["features"]
+    assert [(one["id"], one["geometry"]) for one in alone] == [(1, found["geometry"])]
+    (named,) = json.loads(changes_geojson(result, PairNotes(name="elm", exif=notes)))["features"]
+    assert (named["id"], named["properties"]["pair"]) == ("elm/1", "elm")
+    assert (named["properties"]["before"], named["properties"]["after"]) == ("a.jpg", "a.jpg")
+
+
+def test_gis_programs_read_kinds_and_places(tmp_path: Path) -> None:
+    pyogrio = pytest.importorskip("pyogrio")
+    nowhere = {**CHANGE, "region": 3, "kind": "added", "latitude": None, "longitude": None}
+    path = tmp_path / "changes.geojson"
+    path.write_bytes(b"".join(geojson_lines(feature(one, PAIR) for one in (CHANGE, nowhere))))
+    meta, _, places, columns = pyogrio.raw.read(path)
+    assert meta["crs"] == "EPSG:4326"
+    found = dict(zip(meta["fields"], columns, strict=True))
+    assert list(found["kind"]) == ["removed", "added"]
+    assert list(found["score"]) == [0.75, 0.75]
+    point = shapely.from_wkb(places[0])
+    assert (point.x, point.y) == pytest.approx((151.215297, -33.8567841), abs=1e-9)
+    assert places[1] is None
 
 
 places = st.one_of(st.just((None, None)), st.tuples(st.floats(-90, 90), st.floats(-180, 180)))

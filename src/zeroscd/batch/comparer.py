@@ -18,7 +18,7 @@ from zeroscd.cache import ExpiringCache
 from zeroscd.detector import Detector
 from zeroscd.errors import ImageError, SettingsError
 from zeroscd.export.files import render
-from zeroscd.export.table import change_rows, pair_row
+from zeroscd.export.table import PairNotes, change_rows, pair_row
 from zeroscd.fingerprint import digest, digest_code, digest_values, digest_weights, versions
 from zeroscd.given import ALIGN, Given
 from zeroscd.images.exif import read_exif
@@ -52,7 +52,7 @@ class Options:
     Attributes:
         detector: Called once in each process to make the detector, such as `functools.partial(
             Detector.from_preset, "robust", device="cuda")`; for Ray it must be picklable.
-        write: Files for each pair's folder, names of `zeroscd.export.files.FILES`; may be empty.
+        write: Files for each pair's folder, names of `zeroscd.export.files.NAMES`; may be empty.
         timeout_s: Longest wait for a remote photo, in seconds.
         cache_bytes: Memory for encoded photos, which other pairs may need again.
         absolute_paths: Write paths of local photos from the root, not relative to the folder of the
@@ -126,9 +126,8 @@ class PairComparer:
             seconds = time.perf_counter() - began
         hits = sum(hit for _, hit in views)
         return replace(
-            self._outcome(result, sides),
+            self._outcome(result, sides, name=task.name),
             row=task.row,
-            name=task.name,
             key=key,
             seconds=round(seconds, 4),
             encoded=len(files) - hits,
@@ -180,27 +179,33 @@ class PairComparer:
         # The same bytes may lie at several addresses.
         return replace(encoded, photo=replace(encoded.photo, path=file.path)), hit
 
-    def _outcome(self, result: ChangeResult, sides: tuple[list[_File], list[_File]]) -> Outcome:
+    def _outcome(
+        self, result: ChangeResult, sides: tuple[list[_File], list[_File]], *, name: str
+    ) -> Outcome:
         # The frames are those of the first photos that could be aligned.
         first = [
             [file.path for file in side].index(str(photo.path))
             for side, photo in zip(sides, (result.before, result.after), strict=True)
         ]
-        before, after = (side[number].content for side, number in zip(sides, first, strict=True))
-        notes = read_exif(before), read_exif(after)
+        before, after = (side[number] for side, number in zip(sides, first, strict=True))
+        exif = read_exif(before.content), read_exif(after.content)
+        notes = PairNotes(name=name, exif=exif, addresses=(before.address, after.address))
         return Outcome(
             row=0,
-            name="",
-            pair={**pair_row(result, notes), **({FIRST: first} if any(first) else {})},
-            changes=tuple(change_rows(result, notes)),
-            files=render(result, self._write),
+            name=name,
+            pair={**pair_row(result, exif), **({FIRST: first} if any(first) else {})},
+            changes=tuple(change_rows(result, exif)),
+            files=render(result, self._write, notes),
         )
 
 
 def fingerprint(detector: Detector) -> str:
     """Return a digest of all that decides a comparison and its files, except the photos."""
+    labeller = detector.models.labeller
+    classes = {} if labeller is None else {labeller.name: sorted(detector.ignored_classes)}
     return digest_values(
         {
+            **classes,
             "settings": detector.settings.to_dict(),
             "preset": detector.preset,
             "versions": versions(),

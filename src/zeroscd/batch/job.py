@@ -1,4 +1,4 @@
-"""Run a batch: a manifest in, two Parquet files and a folder for each pair out."""
+"""Run a batch: a manifest in, two tables and a folder for each pair out."""
 
 from __future__ import annotations
 
@@ -7,12 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from zeroscd.batch.comparer import Options
-from zeroscd.batch.journal import CHANGES, OWN_FILES, PAIRS, Journal
+from zeroscd.batch.journal import (
+    CHANGES,
+    CHANGES_CSV,
+    CSV_TABLES,
+    OWN_FILES,
+    PAIRS,
+    PAIRS_CSV,
+    Journal,
+)
 from zeroscd.batch.local import Local
 from zeroscd.batch.manifest import open_manifest
 from zeroscd.batch.task import Outcome
 from zeroscd.batch.written import WrittenPaths
-from zeroscd.errors import ZeroscdError
+from zeroscd.errors import OutputError, ZeroscdError
+from zeroscd.export.csv_table import write_csv
 from zeroscd.export.files import check_wanted, file_names
 from zeroscd.export.table import changes_schema, pairs_schema, write_parquet
 from zeroscd.output import (
@@ -81,6 +90,8 @@ def run(
 ) -> Summary:
     """Compare the pairs of a manifest; write `changes.parquet`, `pairs.parquet` and pair folders.
 
+    If `csv` is among the files that `options` want, the two tables are written as CSV, too.
+
     A run that was stopped or killed continues when it is started again with the same folder:
     pairs whose photos, settings and code are the same are not computed again. A pair that cannot
     be compared is a row with its error.
@@ -103,8 +114,11 @@ def run(
     check_wanted(chosen.write)
     check_target(folder)
     pairs = open_manifest(manifest) if isinstance(manifest, str | Path) else manifest
+    csv_tables = CSV_TABLES if "csv" in chosen.write else ()
+    for name in csv_tables:
+        _spare_manifest(pairs, folder / name)
     make_folder(folder)
-    for name in OWN_FILES:
+    for name in (*OWN_FILES, *csv_tables):
         refuse_link(folder / name)
     paths = WrittenPaths(folder=folder, base=pairs.base, absolutely=chosen.absolute_paths)
     with Journal(folder) as journal:
@@ -119,7 +133,20 @@ def run(
             listener.advance(outcome.name, reused=outcome.reused)
         _check_complete(journal)
         _write_tables(journal, paths, summary)
+        if csv_tables:
+            _write_csv_tables(journal, paths)
     return summary
+
+
+def _spare_manifest(manifest: Manifest, table: Path) -> None:
+    """Refuse to write a table in the place of the manifest that is being read."""
+    source = Path(manifest.address or "")
+    if manifest.address and table.exists() and source.exists() and table.samefile(source):
+        message = (
+            f"cannot write {table}: it is the manifest; choose another folder with -o, or leave "
+            "csv out of --write"
+        )
+        raise OutputError(message)
 
 
 def _write_files(outcome: Outcome, folder: Path) -> Outcome:
@@ -156,7 +183,14 @@ def _write_tables(journal: Journal, paths: WrittenPaths, summary: Summary) -> No
 
     folder = paths.folder
     views = journal.has_views()
-    summary.regions = write_parquet(
-        folder / CHANGES, journal.change_rows(), changes_schema(views=views)
-    )
+    columns = changes_schema(views=views, labels=journal.has_labels())
+    summary.regions = write_parquet(folder / CHANGES, journal.change_rows(), columns)
     write_parquet(folder / PAIRS, counted(), pairs_schema(views=views))
+
+
+def _write_csv_tables(journal: Journal, paths: WrittenPaths) -> None:
+    folder, views = paths.folder, journal.has_views()
+    columns = changes_schema(views=views, labels=journal.has_labels()).names
+    write_csv(folder / CHANGES_CSV, journal.change_rows(), columns)
+    pairs = map(paths.in_row, journal.pair_rows())
+    write_csv(folder / PAIRS_CSV, pairs, pairs_schema(views=views).names)

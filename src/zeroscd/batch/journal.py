@@ -26,12 +26,13 @@ if TYPE_CHECKING:
 FILE = "journal.sqlite"
 PAIRS, CHANGES = "pairs.parquet", "changes.parquet"
 OWN_FILES = (FILE, f"{FILE}-wal", f"{FILE}-shm", f"{FILE}-journal", PAIRS, CHANGES)
+CSV_TABLES = PAIRS_CSV, CHANGES_CSV = "pairs.csv", "changes.csv"  # only where they are wanted
 # A survey writes these beside them (tests/survey/test_run.py compares).
 SURVEY_FILES = (
     *("matches.jsonl", "changes.geojson", "coco.json", "report.html", "thumbs"),
     *("events.parquet", "events.geojson", "events.gpkg"),
 )
-RESERVED = (*OWN_FILES, *SURVEY_FILES)  # no pair's folder may have one of these names
+RESERVED = (*OWN_FILES, *CSV_TABLES, *SURVEY_FILES)  # no pair's folder may have one of these names
 CHUNK = 500  # rows read at a time
 OK, FAILED = "ok", "error"
 
@@ -95,17 +96,15 @@ class Journal:
             count = 0
             for count, row in enumerate(map(storable, rows), 1):
                 name = self._name(safe_name(row.id or stem(row.after or row.before or "pair")))
-                further = json.dumps(row.also_before), json.dumps(row.also_after)
+                values = (row.also_before, row.also_after, dict(row.given))
                 self._database.execute(
                     "INSERT INTO todo VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                     (
                         count,
                         row.id,
                         name,
-                        row.before,
-                        row.after,
-                        *further,
-                        json.dumps(dict(row.given)),
+                        *(row.before, row.after),
+                        *map(json.dumps, values),
                         row.error,
                         row.error is not None,
                     ),
@@ -177,6 +176,10 @@ class Journal:
                 "SELECT COUNT(*) FROM todo WHERE also_before != '[]' OR also_after != '[]'"
             ).fetchone()
         return bool(count)
+
+    def has_labels(self) -> bool:
+        """Return whether regions are labelled: all or none."""
+        return "label" in next(self.change_rows(), {})
 
     def pair_rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of `pairs.parquet`, in the manifest's order."""

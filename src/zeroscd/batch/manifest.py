@@ -41,11 +41,13 @@ class Manifest:
         base: What relative addresses are relative to: a folder or an address.
         rows: Yields the rows, a few in memory at a time; may be called again.
         unread: Photos left out of folders, as their kinds are not read here.
+        address: Of the file; None for folders.
     """
 
     base: str
     rows: Callable[[], Generator[Row]]
     unread: tuple[str, ...] = ()
+    address: str | None = None
 
 
 def open_manifest(address: str | Path) -> Manifest:
@@ -71,7 +73,7 @@ def open_manifest(address: str | Path) -> Manifest:
             "columns before and after, or two folders"
         )
         raise DatasetError(message)
-    manifest = Manifest(base=_parent(text), rows=lambda: _rows(text, suffix))
+    manifest = Manifest(base=_parent(text), rows=lambda: _rows(text, suffix), address=text)
     with closing(manifest.rows()) as rows:
         next(rows, None)  # the header is checked here, before anything slow
     return manifest

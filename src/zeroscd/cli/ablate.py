@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.console import say, warn
+from zeroscd.cli.console import say, set_audience, show, warn
 from zeroscd.cli.evaluate import Count, DatasetName, DatasetRoot, Figures, Limit, show_dataset
-from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
+from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, Quiet, parse_overrides
 
 if TYPE_CHECKING:
     from zeroscd.detector import Detector
@@ -31,12 +31,14 @@ def ablate(
     device: Device = "auto",
     figures: Figures = False,
     cache_gb: Annotated[float | None, typer.Option(hidden=True)] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Score many settings on a data set, encoding each pair once.
 
     Prints a table, and writes OUT/ablation.json and OUT/report.html with the curve beside the
     paper's. An ablation that was stopped continues when the same command is given again.
     """
+    set_audience(quiet=quiet)
     from zeroscd.cli.progress import Bar
     from zeroscd.evaluation.ablation.grid import parse_axis
     from zeroscd.evaluation.ablation.run import Plan
@@ -68,7 +70,7 @@ def ablate(
     if figures:
         write_figures(out, charts=page.charts)
     for table in page.tables:
-        typer.echo(table.to_text())
+        show(table.to_text())
     for doubt in points[0].scores.warnings:
         warn(doubt)
     say(f"report: {report}")

@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from zeroscd.cli.console import say, warn
+from zeroscd.cli.console import answer, say, set_audience, warn
 from zeroscd.cli.options import (
     AbsolutePaths,
     Align,
+    AsJson,
     Device,
     FailOnError,
     IgnoreAll,
+    IgnoreClasses,
+    Labels,
     OutFolder,
     Overrides,
     Preset,
+    Quiet,
+    labelling,
+    parse_files,
     parse_overrides,
     read_area_file,
 )
 from zeroscd.errors import SettingsError, ZeroscdError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from zeroscd.batch import Manifest, Summary
+    from zeroscd.batch.comparer import Options
     from zeroscd.batch.job import Engine
+    from zeroscd.detector import Detector
 
 SOURCE_HELP = "CSV, JSONL or Parquet with columns before, after, id; or a folder of photos before."
 
@@ -67,33 +76,40 @@ def batch(
         str | None, typer.Option(help="Ray: a running cluster; a local one is started otherwise.")
     ] = None,
     ignore_all: IgnoreAll = None,
+    ignore_classes: IgnoreClasses = None,
+    labels: Labels = False,
     align: Align = None,
     absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Compare many pairs; writes OUT/changes.parquet, OUT/pairs.parquet and OUT/ID/ for each pair.
 
     A batch that was stopped or killed continues when the same command is given again.
     """
+    set_audience(quiet=quiet, as_json=as_json)
     chosen = pick_engine(
         engine, workers, {"num_gpus": num_gpus, "concurrency": concurrency, "address": ray_address}
     )
     overrides = parse_overrides(settings)
     from zeroscd.alignment.known import read_geometry
     from zeroscd.batch import run
-    from zeroscd.batch.comparer import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
     from zeroscd.cli.progress import Bar
     from zeroscd.detector import Detector
 
     check_request(preset, overrides, out=out)
-    options = Options(
-        detector=partial(Detector.from_preset, preset, device=device, overrides=overrides),
-        write=parse_files(write),
+    of_classes = labelling(ignore_classes, labels=labels)
+    options = replace(
+        pair_options(
+            partial(Detector.from_preset, preset, device=device, overrides=overrides, **of_classes),
+            write=write,
+            cache_mb=cache_mb,
+            absolute_paths=absolute_paths,
+            ignore_all=ignore_all,
+        ),
         timeout_s=timeout,
-        cache_bytes=cache_mb * MEBIBYTE,
-        absolute_paths=absolute_paths,
-        ignore_all=read_area_file(ignore_all),
         t1_from_t0=None if align is None else read_geometry(align),
     )
     pairs = find_pairs(manifest, after)
@@ -105,7 +121,34 @@ def batch(
         warn(f"stopped; give the same command again to continue in {out}")
         raise
     tell(summary, out)
+    if as_json:
+        answer(as_values(summary, out))
     check_compared(summary, fail_on_error=fail_on_error)
+
+
+def pair_options(
+    detector: Callable[[], Detector],
+    *,
+    write: str,
+    cache_mb: int,
+    absolute_paths: bool,
+    ignore_all: Path | None,
+) -> Options:
+    """Return how the pairs of a batch or a survey are compared.
+
+    Raises:
+        SettingsError: A name of `write` stands for no file.
+        ImageError: The area cannot be read.
+    """
+    from zeroscd.batch.comparer import MEBIBYTE, Options
+
+    return Options(
+        detector=detector,
+        write=parse_files(write),
+        cache_bytes=cache_mb * MEBIBYTE,
+        absolute_paths=absolute_paths,
+        ignore_all=read_area_file(ignore_all),
+    )
 
 
 def check_compared(summary: Summary, *, fail_on_error: bool) -> None:
@@ -158,20 +201,6 @@ def find_pairs(manifest: str, after: str | None) -> Manifest:
     return open_manifest(manifest)
 
 
-def parse_files(text: str) -> tuple[str, ...]:
-    """Split the list of files that are wanted for each pair.
-
-    Example:
-        >>> parse_files("mask, json"), parse_files("none")
-        (('mask', 'json'), ())
-    """
-    from zeroscd.export.files import FILES
-
-    if text == "all":
-        return tuple(FILES)
-    return tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
-
-
 def pick_engine(
     name: Literal["local", "ray"], workers: int | None, ray_options: Mapping[str, Any]
 ) -> Engine:
@@ -212,3 +241,16 @@ def tell(summary: Summary, out: Path) -> None:
         say(f"photos still known from another pair: {summary.cache_hits / photos:.0%}")
     say(f"changes: {out / CHANGES}")
     say(f"pairs: {out / PAIRS}")
+
+
+def as_values(summary: Summary, out: Path) -> dict[str, object]:
+    """Return a summary and the tables' paths as plain values."""
+    from dataclasses import asdict
+
+    from zeroscd.batch.journal import CHANGES, PAIRS
+
+    return {
+        **asdict(summary),
+        "changes_table": str(out / CHANGES),
+        "pairs_table": str(out / PAIRS),
+    }

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import typer
@@ -14,9 +17,54 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
 
+@dataclass(frozen=True, slots=True)
+class Audience:
+    """Who reads what a command prints.
+
+    Attributes:
+        quiet: Nobody, as long as nothing goes wrong.
+        as_json: A program reads stdout, so that what is for people goes to stderr.
+    """
+
+    quiet: bool = False
+    as_json: bool = False
+
+
+# `run` gives each command a context of its own.
+PERSON = Audience()
+_audience: ContextVar[Audience] = ContextVar("audience", default=PERSON)
+
+
+def set_audience(*, quiet: bool = False, as_json: bool = False) -> None:
+    """Choose who reads the rest of this command."""
+    _audience.set(Audience(quiet, as_json))
+
+
+def is_quiet() -> bool:
+    """Tell whether only warnings and errors are wanted."""
+    return _audience.get().quiet
+
+
 def say(text: str) -> None:
-    """Print a result on stdout."""
-    typer.echo(one_line(text))
+    """Print a line for people about what came out: on stdout, unless that is for a program."""
+    show(one_line(text))
+
+
+def show(text: str) -> None:
+    """Print several lines for people, such as a table, where `say` prints one."""
+    if not is_quiet():
+        typer.echo(text, err=_audience.get().as_json)
+
+
+def note(text: str) -> None:
+    """Print on stderr what people may like to know while a command runs."""
+    if not is_quiet():
+        typer.echo(one_line(text), err=True)
+
+
+def answer(values: object) -> None:
+    """Print the one JSON document that a program asked for."""
+    typer.echo(json.dumps(values, indent=1, allow_nan=False))
 
 
 def warn(text: str) -> None:
@@ -35,7 +83,7 @@ def busy(text: str) -> Iterator[None]:
     from rich.console import Console
 
     console = Console(stderr=True)
-    if not console.is_terminal:
+    if is_quiet() or not console.is_terminal:
         yield
         return
     with console.status(text):

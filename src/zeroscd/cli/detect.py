@@ -7,14 +7,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from zeroscd.cli.console import busy, say, warn
+from zeroscd.cli.console import answer, busy, say, set_audience, warn
 from zeroscd.cli.options import (
     Align,
+    AsJson,
     Device,
     IgnoreAll,
+    IgnoreClasses,
+    Labels,
     OutFolder,
     Overrides,
     Preset,
+    Quiet,
+    labelling,
+    parse_files,
     parse_overrides,
 )
 from zeroscd.output import check_target
@@ -23,6 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from zeroscd.result import ChangeResult
+
+WRITE_HELP = "Further files, separated by commas: csv, geojson, coco, label-studio; or all."
 
 
 def detect(
@@ -65,13 +73,18 @@ def detect(
     ] = None,
     ignore_all: IgnoreAll = None,
     align: Align = None,
+    ignore_classes: IgnoreClasses = None,
+    labels: Labels = False,
     preset: Preset = "lite",
     frame: Annotated[
         Literal["t0", "t1"] | None,
         typer.Option(help="The photo the mask is drawn in; the preset's own if not given."),
     ] = None,
+    write: Annotated[str, typer.Option(help=WRITE_HELP)] = "none",
     settings: Overrides = None,
     device: Device = "auto",
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Find what changed between two photos of the same place.
 
@@ -80,10 +93,12 @@ def detect(
 
     Example: zeroscd detect before.jpg after.jpg -o changes --also-before earlier.jpg
     """
+    set_audience(quiet=quiet, as_json=as_json)
     overrides: dict[str, object] = {**parse_overrides(settings)}
     if frame is not None:
         overrides["frame"] = frame
     check_request(preset, overrides, out=out)
+    also = parse_files(write)
     sides = [before, *(also_before or ())], [after, *(also_after or ())]
     from zeroscd.alignment.known import read_geometry
 
@@ -102,8 +117,11 @@ def detect(
         overrides=overrides,
         transients=transients,
         given={name: value for name, value in given.items() if value is not None},
+        labelling=labelling(ignore_classes, labels=labels),
     )
-    save_and_tell(result, out)
+    save_and_tell(result, out, also=also)
+    if as_json:
+        answer(result.to_dict())
 
 
 def check_request(preset: str, overrides: Mapping[str, object], *, out: Path) -> None:
@@ -128,6 +146,7 @@ def compare(
     overrides: Mapping[str, object],
     transients: bool = False,
     given: Mapping[str, Any] | None = None,
+    labelling: Mapping[str, Any] | None = None,
 ) -> ChangeResult:
     """Read the photos, load the networks and find the changes.
 
@@ -139,6 +158,7 @@ def compare(
         overrides: Settings that differ from the preset's.
         transients: Whether to list what stands in one photo only.
         given: Areas and geometry, as `Detector.detect` takes them.
+        labelling: About classes, as `Detector.from_preset` takes it.
 
     Raises:
         ImageError: A photo or an area cannot be read.
@@ -153,7 +173,9 @@ def compare(
     with busy("loading the networks"):
         from zeroscd.detector import Detector
 
-        detector = Detector.from_preset(preset, device=device, overrides=overrides)
+        detector = Detector.from_preset(
+            preset, device=device, overrides=overrides, **(labelling or {})
+        )
     with busy("comparing"):
         return detector.detect(before, after, transients=transients, **known)
 
@@ -182,14 +204,19 @@ def check_areas(
             read_area(given[name], size_hw=size_hw)
 
 
-def save_and_tell(result: ChangeResult, out: Path) -> None:
+def save_and_tell(result: ChangeResult, out: Path, *, also: Sequence[str] = ()) -> None:
     """Write the result and print what was found and where it lies.
+
+    Args:
+        result: What changed.
+        out: Folder for it.
+        also: Files to write beside those that always are.
 
     Raises:
         OutputError: The folder cannot be written.
     """
     with busy("writing"):
-        result.save(out)
+        result.save(out, also=also)
     from zeroscd.export import summary
     from zeroscd.export.files import REPORT
 
@@ -201,3 +228,11 @@ def save_and_tell(result: ChangeResult, out: Path) -> None:
     if passing := summary.transients_sentence(result):
         say(passing)
     say(f"report: {out / REPORT}")
+    if "geojson" in also and not _is_placed(result):
+        warn("neither photo says where it was taken: what changes.geojson holds has no position")
+
+
+def _is_placed(result: ChangeResult) -> bool:
+    from zeroscd.images.exif import read_exif
+
+    return any(read_exif(str(photo.path)).gps for photo in (result.before, result.after))

@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from zeroscd.cli.console import say, warn
-from zeroscd.cli.options import Device, OutFolder, Overrides, Preset, parse_overrides
+from zeroscd.cli.console import answer, note, say, set_audience, show, warn
+from zeroscd.cli.options import (
+    AsJson,
+    Device,
+    OutFolder,
+    Overrides,
+    Preset,
+    Quiet,
+    parse_overrides,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -16,8 +24,21 @@ if TYPE_CHECKING:
     from zeroscd.evaluation.datasets.port import Dataset
     from zeroscd.evaluation.run import Run
 
+
+def complete_datasets(incomplete: str) -> list[str]:
+    """Return the data sets that begin so, for the shell."""
+    from zeroscd.evaluation.datasets.catalogue import DATASETS
+
+    return [name for name in DATASETS if name.startswith(incomplete)]
+
+
 DatasetName = Annotated[
-    str, typer.Argument(metavar="DATASET", help="folder, vl-cmu-cd, pcd2015-tsunami, ...")
+    str,
+    typer.Argument(
+        metavar="DATASET",
+        help="folder, vl-cmu-cd, pcd2015-tsunami, ...",
+        autocompletion=complete_datasets,
+    ),
 ]
 DatasetRoot = Annotated[Path, typer.Argument(metavar="ROOT", help="Where the data set lies.")]
 Figures = Annotated[
@@ -39,18 +60,22 @@ def evaluate(
     count: Count = None,
     settings: Overrides = None,
     device: Device = "auto",
-    show: Annotated[
-        list[str] | None, typer.Option(help="Show this pair in the report; may be repeated.")
+    shown: Annotated[
+        list[str] | None,
+        typer.Option("--show", help="Show this pair in the report; may be repeated."),
     ] = None,
     swap: Annotated[
         bool, typer.Option("--swap", help="Also swap the photos: temporal consistency.")
     ] = False,
     figures: Figures = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Score a preset on a data set; writes OUT/scores.json and OUT/report.html.
 
     An evaluation that was stopped continues where it was when the same command is given again.
     """
+    set_audience(quiet=quiet, as_json=as_json)
     from zeroscd.cli.progress import Bar
     from zeroscd.evaluation.datasets.catalogue import open_dataset
     from zeroscd.evaluation.report.figures import check_figures, write_figures
@@ -59,7 +84,7 @@ def evaluate(
     from zeroscd.evaluation.run import evaluate as run_evaluation
 
     found = open_dataset(dataset, root).counting(count).first(limit)
-    check_chosen(found, show or [])
+    check_chosen(found, shown or [])
     if figures:
         check_figures()
     show_dataset(found)
@@ -72,15 +97,17 @@ def evaluate(
     except KeyboardInterrupt:
         warn(f"stopped; give the same command again to continue in {out}")
         raise
-    page = score_page(scores, out, chosen=show or [])
+    page = score_page(scores, out, chosen=shown or [])
     report = page.write(out)
     if figures:
         write_figures(out, charts=page.charts, panels=page.panels)
     for table in reversed(page.tables):
-        typer.echo(table.to_text())
+        show(table.to_text())
     for doubt in scores.warnings:
         warn(doubt)
     say(f"report: {report}")
+    if as_json:
+        answer(scores.to_dict())
 
 
 def make_run(
@@ -108,10 +135,9 @@ def make_run(
 
 def show_dataset(dataset: Dataset) -> None:
     """Print on stderr which data set and layout was found."""
-    typer.echo(
+    note(
         f"{dataset.name}: {len(dataset.pairs)} pairs, {dataset.layout}, "
-        f"masks in the {dataset.frame} frame",
-        err=True,
+        f"masks in the {dataset.frame} frame"
     )
-    for note in dataset.notes:
-        typer.echo(f"note: {note}", err=True)
+    for one in dataset.notes:
+        note(f"note: {one}")

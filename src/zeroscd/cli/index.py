@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from zeroscd.cli.batch import warn_unread
-from zeroscd.cli.console import busy, say, warn
-from zeroscd.cli.options import Device, Overrides, Places, Within, parse_overrides
+from zeroscd.cli.console import busy, say, set_audience, warn
+from zeroscd.cli.options import (
+    AsJson,
+    Device,
+    Overrides,
+    Places,
+    Quiet,
+    Within,
+    parse_overrides,
+)
 from zeroscd.errors import DatasetError, SettingsError
 from zeroscd.output import check_target
 
@@ -26,8 +34,6 @@ MAX_LATITUDE, MAX_LONGITUDE = 90.0, 180.0  # degrees
 
 app = typer.Typer(help="Find the old photos of a place.")
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-
 
 @app.command()
 def build(
@@ -41,6 +47,7 @@ def build(
     ] = None,
     settings: Overrides = None,
     device: Device = "auto",
+    quiet: Quiet = False,
 ) -> None:
     """Make a place index, or add new and changed photos to one.
 
@@ -49,6 +56,7 @@ def build(
 
     Example: zeroscd index build old/ -o places
     """
+    set_audience(quiet=quiet)
     wanted = wanted_settings(preset, settings)
     from zeroscd.cli.progress import Bar
     from zeroscd.images.folder import PhotoFiles, list_photos

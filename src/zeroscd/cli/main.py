@@ -5,19 +5,21 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from contextvars import copy_context
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd import __version__
 from zeroscd.cli import INTERRUPTED, index, models
 from zeroscd.cli.ablate import ablate
+from zeroscd.cli.about import version_lines
 from zeroscd.cli.batch import batch
 from zeroscd.cli.bench import bench
 from zeroscd.cli.console import fail, old_names_shown
 from zeroscd.cli.demo import demo
 from zeroscd.cli.detect import detect
 from zeroscd.cli.evaluate import evaluate
+from zeroscd.cli.refusals import refusal
 from zeroscd.cli.serve import serve
 from zeroscd.cli.settings import settings
 from zeroscd.cli.survey import survey
@@ -33,7 +35,7 @@ app = typer.Typer(
     name="zeroscd",
     help="What changed between two photos of the same street?",
     epilog="Start with `zeroscd demo`; then `zeroscd detect before.jpg after.jpg -o changes`.",
-    add_completion=False,
+    suggest_commands=False,  # `refusal` does, for options as well
     pretty_exceptions_enable=False,
 )
 app.command()(demo)
@@ -69,6 +71,10 @@ def main() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; what a user got wrong becomes one line."""
+    return copy_context().run(_run, arguments)
+
+
+def _run(arguments: Sequence[str]) -> int:
     if "" in arguments:
         # As a path it would be the current folder.
         where = " ".join(["zeroscd", *arguments[: arguments.index("")]])
@@ -81,9 +87,7 @@ def run(arguments: Sequence[str]) -> int:
         fail(str(error))
         return USER_ERROR
     except typer.TyperException as error:
-        # pydantic, inside typer, puts its own kind of error first.
-        reason = error.format_message().replace("Value error, ", "") or "Missing command."
-        fail(f"{reason.rstrip('.')}; see `zeroscd --help`")
+        fail(refusal(error, arguments, typer.main.get_command(app)))
         return USER_ERROR
     except OSError as error:
         if error.errno != errno.ENAMETOOLONG:
@@ -97,7 +101,8 @@ def run(arguments: Sequence[str]) -> int:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"zeroscd {__version__}")
+        for line in version_lines():
+            typer.echo(line)
         raise typer.Exit
 
 
@@ -106,7 +111,12 @@ def _root(
     context: typer.Context,
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version."),
+        typer.Option(
+            "--version",
+            callback=_show_version,
+            is_eager=True,
+            help="Print the versions that a report of a bug should name.",
+        ),
     ] = False,
 ) -> None:
     if context.invoked_subcommand is None:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.console import busy, columns, warn
-from zeroscd.cli.options import Device  # noqa: TC001 - typer reads the annotation
+from zeroscd.cli.console import answer, busy, columns, warn
+from zeroscd.cli.options import AsJson, Device  # noqa: TC001 - typer reads the annotations
 from zeroscd.errors import WeightsError
 from zeroscd.models import weight_files
 from zeroscd.weights.catalogue import CATALOGUE, find
@@ -26,14 +26,26 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Model weights: list, fetch, path, verify, check.", no_args_is_help=True)
 
-Names = Annotated[list[str], typer.Argument(help="Names from `zeroscd models list`.")]
+
+def complete_weights(incomplete: str) -> list[str]:
+    """Return the weights that begin so, for the shell."""
+    return [name for name in CATALOGUE if name.startswith(incomplete)]
+
+
+Names = Annotated[
+    list[str],
+    typer.Argument(help="Names from `zeroscd models list`.", autocompletion=complete_weights),
+]
 
 COLUMNS = ("name", "for", "MB", "licence", "here", "note")
 
 
 @app.command("list")
-def list_models() -> None:
+def list_models(as_json: AsJson = False) -> None:
     """List the weights that zeroscd knows, and whether they are on this computer."""
+    if as_json:
+        answer([_as_values(row) for row in CATALOGUE.values()])
+        return
     for line in columns([COLUMNS, *(_cells(row) for row in CATALOGUE.values())]):
         typer.echo(line)
     typer.echo(f"\nfolder: {weights_folder()}")
@@ -66,7 +78,11 @@ def fetch_models(
 
 
 @app.command("path")
-def show_path(name: Annotated[str, typer.Argument(help="A name from the list.")]) -> None:
+def show_path(
+    name: Annotated[
+        str, typer.Argument(help="A name from the list.", autocompletion=complete_weights)
+    ],
+) -> None:
     """Print where the file of some weights is, or will be."""
     typer.echo(path_of(find(name)))
 
@@ -129,6 +145,19 @@ def _cells(row: WeightFile) -> tuple[str, ...]:
     size = "?" if row.size_bytes is None else f"{row.size_bytes / 1e6:.0f}"
     here = "yes" if is_present(row) else "no"
     return row.name, row.kind, size, row.licence, here, row.note
+
+
+def _as_values(row: WeightFile) -> dict[str, object]:
+    return {
+        "name": row.name,
+        "for": row.kind,
+        "bytes": row.size_bytes,
+        "licence": row.licence,
+        "here": is_present(row),
+        "path": str(path_of(row)),
+        "sha256": row.sha256 or None,
+        "note": row.note or None,
+    }
 
 
 def _warn_unverified(row: WeightFile) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -11,7 +11,17 @@ from zeroscd import device
 from zeroscd.errors import SettingsError
 from zeroscd.settings.names import current_name
 
-Preset = Annotated[str, typer.Option(help="Named settings to start from.")]
+
+def complete_presets(incomplete: str) -> list[str]:
+    """Return the presets that begin so, for the shell."""
+    from zeroscd.settings import PRESETS
+
+    return [name for name in PRESETS if name.startswith(incomplete)]
+
+
+Preset = Annotated[
+    str, typer.Option(help="Named settings to start from.", autocompletion=complete_presets)
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
@@ -24,6 +34,11 @@ Device = Annotated[
 OutFolder = Annotated[
     Path, typer.Option("--out", "-o", metavar="OUT", help="Folder for the results.")
 ]
+
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 
 Places = Annotated[
     str, typer.Option("--places", metavar="PLACES", help="Folder or address of the place index.")
@@ -64,6 +79,38 @@ Align = Annotated[
     ),
 ]
 
+Labels = Annotated[
+    bool,
+    typer.Option("--labels", help="Say what each region shows; needs the weights eomt-l."),
+]
+IgnoreClasses = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAMES",
+        help="Leave out what shows these, such as person,vehicle,sky,vegetation; needs the weights "
+        "eomt-l.",
+    ),
+]
+
+
+def labelling(ignore_classes: str | None, *, labels: bool) -> dict[str, Any]:
+    """Return what `Detector.from_preset` is told about classes; nothing where nobody asks.
+
+    Args:
+        ignore_classes: Names separated by commas.
+        labels: Whether regions are labelled.
+
+    Raises:
+        SettingsError: A name is no class.
+    """
+    names = tuple(filter(None, map(str.strip, (ignore_classes or "").split(","))))
+    if not labels and not names:
+        return {}
+    from zeroscd.labels.classes import class_ids
+
+    class_ids(names)
+    return {"labels": labels, "ignore_classes": names}
+
 
 def read_area_file(path: Path | None) -> bytes | None:
     """Return the bytes of an area's file; None where none was given.
@@ -94,3 +141,24 @@ def parse_overrides(pairs: list[str] | None) -> dict[str, str]:
             raise SettingsError(message)
         found[current_name(name.strip())] = value.strip()
     return found
+
+
+def parse_files(text: str) -> tuple[str, ...]:
+    """Split a list of files to write; "all" and "none" are such lists, too.
+
+    Raises:
+        SettingsError: A name stands for no file.
+
+    Example:
+        >>> parse_files("mask, json"), parse_files("none")
+        (('mask', 'json'), ())
+    """
+    wanted = tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
+    if not wanted:
+        return ()
+    from zeroscd.export.files import NAMES, check_wanted
+
+    if wanted == ("all",):
+        return NAMES
+    check_wanted(wanted)
+    return wanted

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from zeroscd.cli.console import is_quiet
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import TracebackType
@@ -33,6 +35,7 @@ class Bar:
             MofNCompleteColumn(),
             TextColumn("{task.fields[left]}"),
             console=Console(stderr=True),
+            disable=is_quiet(),
         )
         self._task = self._progress.add_task(doing, total=None, left="")
         self._inside = False

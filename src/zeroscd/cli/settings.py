@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from zeroscd.cli.console import columns
-from zeroscd.cli.options import Preset  # noqa: TC001 - typer reads the annotation
+from zeroscd.cli.options import AsJson, Preset  # noqa: TC001 - typer reads the annotations
 
 if TYPE_CHECKING:
     from zeroscd.settings.declaration import Leaf
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def settings(
     preset: Preset = "lite",
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List every setting: its value in a preset, the paper's literal value, and what it means.
 

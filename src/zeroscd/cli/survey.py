@@ -10,27 +10,35 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from zeroscd.cli.batch import check_compared, parse_files, warn_unread
-from zeroscd.cli.console import busy, say, warn
+from zeroscd.cli.batch import check_compared, pair_options, warn_unread
+from zeroscd.cli.console import answer, busy, say, set_audience, warn
 from zeroscd.cli.options import (
     AbsolutePaths,
+    AsJson,
     Device,
     FailOnError,
     IgnoreAll,
+    IgnoreClasses,
+    Labels,
     OutFolder,
     Overrides,
     Places,
     Preset,
+    Quiet,
     Within,
+    labelling,
     parse_overrides,
-    read_area_file,
 )
 from zeroscd.renamed import warn_renamed
 from zeroscd.text import one_line
 
 if TYPE_CHECKING:
-    from zeroscd.retrieval import DateSpan
-    from zeroscd.survey import Summary
+    from collections.abc import Sequence
+
+    from zeroscd.batch import Options
+    from zeroscd.retrieval import DateSpan, PlaceIndex
+    from zeroscd.survey import MatchRules, Summary
+    from zeroscd.survey.review import ReviewedEvent
 
 DAY = "%Y-%m-%d"
 WRITE_HELP = "Files for each pair, separated by commas; none; or all."
@@ -83,8 +91,12 @@ def survey(
         int, typer.Option(min=0, help="Memory for old photos that match several new ones.")
     ] = 256,
     ignore_all: IgnoreAll = None,
+    ignore_classes: IgnoreClasses = None,
+    labels: Labels = False,
     absolute_paths: AbsolutePaths = False,
     fail_on_error: FailOnError = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Find the old photos of each new one, compare them, and report the changes.
 
@@ -93,46 +105,60 @@ def survey(
 
     Example: zeroscd survey today/ --places places -o changes --within 50
     """
+    set_audience(quiet=quiet, as_json=as_json)
     overrides, dates = parse_overrides(settings), span_of(old_from, old_until)
-    from zeroscd.batch import Local
-    from zeroscd.batch.comparer import MEBIBYTE, Options
     from zeroscd.cli.detect import check_request
-    from zeroscd.cli.progress import Bar
     from zeroscd.detector import Detector
-    from zeroscd.export.files import check_wanted
     from zeroscd.images.folder import PhotoFiles, list_photos
     from zeroscd.retrieval import PlaceIndex
-    from zeroscd.survey import MatchRules, compare, match_photos, read_reviews
+    from zeroscd.survey import MatchRules, read_reviews
 
     check_request(preset, overrides, out=out)
     score = _min_score(min_score, least_score)
     rules = MatchRules(within_m=within, min_score=score, views=views, dates=dates)
-    wanted, reviews = parse_files(write), read_reviews(reviewed) if reviewed else ()
-    check_wanted(wanted)
+    of_classes = labelling(ignore_classes, labels=labels)
+    options = pair_options(
+        partial(Detector.from_preset, preset, device=device, overrides=overrides, **of_classes),
+        write=write,
+        cache_mb=cache_mb,
+        absolute_paths=absolute_paths,
+        ignore_all=ignore_all,
+    )
+    reviews = read_reviews(reviewed) if reviewed else ()
     files = sum(map(list_photos, photos), PhotoFiles())
     warn_unread(files.unread)
     with busy("opening the place index"):
         index = PlaceIndex.open(places, device=device)
-    options = Options(
-        detector=partial(Detector.from_preset, preset, device=device, overrides=overrides),
-        write=wanted,
-        cache_bytes=cache_mb * MEBIBYTE,
-        absolute_paths=absolute_paths,
-        ignore_all=read_area_file(ignore_all),
-    )
     try:
-        with Bar("matching") as bar:
-            matches = match_photos(files.photos, index, out, rules=rules, progress=bar)
-        with Bar("comparing") as bar:
-            engine = Local(workers=workers)
-            summary = compare(
-                matches, out, options=options, engine=engine, progress=bar, reviewed=reviews
-            )
+        summary = match_and_compare(files.photos, index, out, rules, options, workers, reviews)
     except KeyboardInterrupt:
         warn(f"stopped; give the same command again to continue in {out}")
         raise
     tell(summary)
+    if as_json:
+        answer(as_values(summary))
     check_compared(summary.batch, fail_on_error=fail_on_error)
+
+
+def match_and_compare(
+    photos: Sequence[str],
+    index: PlaceIndex,
+    out: Path,
+    rules: MatchRules,
+    options: Options,
+    workers: int | None,
+    reviews: Sequence[ReviewedEvent],
+) -> Summary:
+    """Run both steps of a survey, each with its bar."""
+    from zeroscd.batch import Local
+    from zeroscd.cli.progress import Bar
+    from zeroscd.survey import compare, match_photos
+
+    with Bar("matching") as bar:
+        matches = match_photos(photos, index, out, rules=rules, progress=bar)
+    with Bar("comparing") as bar:
+        engine = Local(workers=workers)
+        return compare(matches, out, options=options, engine=engine, progress=bar, reviewed=reviews)
 
 
 def span_of(first: datetime | None, last: datetime | None) -> DateSpan | None:
@@ -176,6 +202,19 @@ def tell(summary: Summary) -> None:
     if not is_available():
         warn(f"events.gpkg is left out: it needs pyogrio; {HINT}")
     say(f"report: {summary.report}")
+
+
+def as_values(summary: Summary) -> dict[str, object]:
+    """Return what `tell` says as plain values."""
+    return {
+        "photos": len(summary.matches),
+        "matched": summary.matched,
+        "failed": summary.batch.failed,
+        "regions": summary.batch.regions,
+        "events": len(summary.events),
+        "sightings": sum(event.sightings for event in summary.events),
+        "report": str(summary.report),
+    }
 
 
 def _tell_reviews(summary: Summary) -> None:

@@ -105,4 +105,12 @@ def region_values(region: Region) -> dict[str, Any]:
         "frame": region.frame,
         "support": float(region.support),
         "at_border": bool(region.at_border),
+        **label_values(region),
     }
+
+
+def label_values(region: Region) -> dict[str, Any]:
+    """Return what a region shows; nothing where no network says so: files are then as ever."""
+    if region.label is None:
+        return {}
+    return {"label": region.label, "label_share": float(region.label_share)}

@@ -6,6 +6,8 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from zeroscd.export.changes import label_values
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -95,4 +97,5 @@ def _annotation(number: int, image: int, region: Region) -> dict[str, Any]:
         "iscrowd": 0,
         "score": float(region.score),
         "support": float(region.support),
+        **label_values(region),
     }

@@ -10,14 +10,21 @@ import numpy as np
 from zeroscd.errors import SettingsError
 from zeroscd.export.changes import changes_json
 from zeroscd.export.coco import coco_json
+from zeroscd.export.csv_table import changes_csv
+from zeroscd.export.geojson import changes_geojson
+from zeroscd.export.label_studio import label_studio_json
 from zeroscd.export.overlay import draw_overlay
 from zeroscd.export.pictures import png
 from zeroscd.export.report import render_report
+from zeroscd.export.table import PairNotes
+from zeroscd.images.exif import Exif, read_exif
 from zeroscd.output import write_together
+from zeroscd.text import unknown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from zeroscd.images.photo import Photo
     from zeroscd.records import Changes
 
 
@@ -37,6 +44,13 @@ FILES: dict[str, tuple[str, Callable[[Changes], bytes]]] = {
     "json": (CHANGES, changes_json),
     "coco": ("coco.json", coco_json),
 }
+# Those that also hold what is known of the pair beside its result.
+NOTED_FILES: dict[str, tuple[str, Callable[[Changes, PairNotes], bytes]]] = {
+    "csv": ("changes.csv", changes_csv),
+    "geojson": ("changes.geojson", changes_geojson),
+    "label-studio": ("label_studio.json", label_studio_json),
+}
+NAMES = (*FILES, *NOTED_FILES)
 # What `Changes.save` and `zeroscd detect` promise.
 PROMISED = ("mask", "removed", "added", "unknown", "overlay", "report", "json")
 
@@ -48,37 +62,62 @@ def check_wanted(wanted: Iterable[str]) -> None:
         SettingsError: It names those that do.
     """
     for name in wanted:
-        if name not in FILES:
-            message = f"cannot write {name!r}; choose from: {', '.join(FILES)}"
-            raise SettingsError(message)
+        if name not in NAMES:
+            raise SettingsError(unknown("file to write", name, NAMES))
 
 
 def file_names(wanted: Iterable[str]) -> tuple[str, ...]:
     """Return the file names of known files.
 
     Example:
-        >>> file_names(["mask", "json"])
-        ('mask.png', 'changes.json')
+        >>> file_names(["mask", "csv"])
+        ('mask.png', 'changes.csv')
     """
-    return tuple(FILES[name][0] for name in wanted)
+    return tuple((FILES.get(name) or NOTED_FILES[name])[0] for name in wanted)
 
 
-def render(result: Changes, wanted: Iterable[str]) -> dict[str, bytes]:
-    """Return the wanted files' contents by file name."""
-    return {file: draw(result) for file, draw in (FILES[name] for name in wanted)}
+def render(
+    result: Changes, wanted: Iterable[str], notes: PairNotes | None = None
+) -> dict[str, bytes]:
+    """Return the wanted files' contents by file name.
+
+    Args:
+        result: What changed.
+        wanted: Names of `NAMES`.
+        notes: What is known of the pair beside its result, for the files that hold it.
+
+    Raises:
+        OutputError: A file cannot hold this result.
+    """
+    names, noted = tuple(wanted), notes or PairNotes()
+    return {
+        file: FILES[name][1](result) if name in FILES else NOTED_FILES[name][1](result, noted)
+        for name, file in zip(names, file_names(names), strict=True)
+    }
 
 
-def promised(result: Changes) -> tuple[str, ...]:
-    """Return the names of the files that a saved result has."""
-    return PROMISED if result.ignored is None else (*PROMISED, "ignored")
-
-
-def save_result(result: Changes, folder: str | Path) -> None:
+def save_result(result: Changes, folder: str | Path, *, also: Iterable[str] = ()) -> None:
     """Write the masks, the pictures, `changes.json` and `report.html` into a folder.
 
     Missing folders are made; other files in an existing folder stay as they are.
 
+    Args:
+        result: What changed.
+        folder: Where to.
+        also: Names of `NAMES` to write beside them.
+
     Raises:
+        SettingsError: An unknown name.
         OutputError: The folder cannot be written; nothing of this result is then in it.
     """
-    write_together(Path(folder), render(result, promised(result)))
+    further = () if result.ignored is None else ("ignored",)
+    wanted = dict.fromkeys((*PROMISED, *further, *also))
+    check_wanted(wanted)
+    notes = PairNotes()
+    if not NOTED_FILES.keys().isdisjoint(wanted):
+        notes = PairNotes(exif=(_exif(result.before), _exif(result.after)))
+    write_together(Path(folder), render(result, wanted, notes))
+
+
+def _exif(photo: Photo) -> Exif:
+    return Exif() if photo.path is None else read_exif(photo.path)

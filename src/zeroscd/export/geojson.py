@@ -5,9 +5,15 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from zeroscd.export.table import change_rows, pair_row
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
+    from zeroscd.export.table import PairNotes
+    from zeroscd.records import Changes
+
+LABEL_KEYS = ("label", "label_share")  # where a network says what regions show
 MAP_KEYS = ("kind", "score", "area_px", "bbox_xywh", "frame")
 DIGITS = 7  # of a degree: a centimetre
 
@@ -24,7 +30,8 @@ def feature(
 
     Returns:
         Its geometry is the camera's point, or null where neither photo says where it was taken;
-        `from` and `to` are null where a photo does not say when.
+        `from` and `to` are null where a photo does not say when. Its `id` is the region's number,
+        after the pair's name if that has one.
 
     Source: RFC 7946 (longitude first; null geometry for what is not located).
 
@@ -33,14 +40,16 @@ def feature(
         >>> found["geometry"]
         {'type': 'Point', 'coordinates': [2.25, 48.5]}
     """
+    name, number = change.get("pair"), change.get("region")
     return {
         "type": "Feature",
-        "id": f"{change.get('pair')}/{change.get('region')}",
+        "id": number if name is None else f"{name}/{number}",
         "geometry": point(change.get("latitude"), change.get("longitude")),
         "properties": {
-            "pair": change.get("pair"),
-            "region": change.get("region"),
+            "pair": name,
+            "region": number,
             **{key: change.get(key) for key in MAP_KEYS},
+            **{key: change[key] for key in LABEL_KEYS if key in change},
             "from": pair.get("taken_before"),
             "to": pair.get("taken_after"),
             "before": pair.get("before"),
@@ -48,6 +57,14 @@ def feature(
             **(links or {}),
         },
     }
+
+
+def changes_geojson(result: Changes, notes: PairNotes) -> bytes:
+    """Write the regions of one result as a GeoJSON file."""
+    photos = {"before": result.before.path, "after": result.after.path}
+    pair = {**pair_row(result, notes.exif), **photos}
+    rows = change_rows(result, notes.exif)
+    return b"".join(geojson_lines(feature({"pair": notes.name, **row}, pair) for row in rows))
 
 
 def geojson(features: Iterable[Mapping[str, Any]]) -> dict[str, Any]:

@@ -26,9 +26,9 @@ def detections(result: Changes) -> Detections:
     """Return the regions as detections in the pixels of the result's frame.
 
     Returns:
-        Boxes, (N, H, W) masks, scores as confidence, class 0 for removed and 1 for added, and the
-        class's name in `data["class_name"]`. A region of the other photo is carried over; one that
-        the frame's photo does not show is left out.
+        Boxes, (N, H, W) masks, scores as confidence, class 0 for removed and 1 for added; in `data`
+        the class's name, "class_name", and where it is known what each shows, "label". A region of
+        the other photo is carried over; one that the frame's photo does not show is left out.
 
     Raises:
         OutputError: supervision is not installed.
@@ -50,8 +50,15 @@ def detections(result: Changes) -> Detections:
         mask=np.stack([segment.mask(view.size_hw) for _, segment in shown]),
         confidence=np.array([region.score for region, _ in shown], dtype=np.float32),
         class_id=np.array([CLASSES[name] for name in names]),
-        data={"class_name": np.array(names)},
+        data={"class_name": np.array(names), **_labels([region for region, _ in shown])},
     )
+
+
+def _labels(regions: list[Region]) -> dict[str, object]:
+    """Return what the regions show, if a network says so."""
+    if any(region.label is None for region in regions):
+        return {}
+    return {"label": np.array([region.label for region in regions])}
 
 
 def mask_in(view: CommonFrame, region: Region) -> Mask:

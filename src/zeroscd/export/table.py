@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from zeroscd.export.changes import region_values
@@ -26,7 +27,23 @@ FURTHER = ("also_before", "also_after")
 NO_NOTES = (Exif(), Exif())
 
 
-def changes_schema(*, views: bool = False) -> pa.Schema:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairNotes:
+    """What is known of a pair beside its result.
+
+    Attributes:
+        name: Of the pair in its batch or survey; None for a comparison by itself.
+        exif: What the cameras noted before and after.
+        addresses: Where this process found the photos, if the result's paths are relative to
+            another folder than its own.
+    """
+
+    name: str | None = None
+    exif: tuple[Exif, Exif] = NO_NOTES
+    addresses: tuple[str, str] | None = None
+
+
+def changes_schema(*, views: bool = False, labels: bool = False) -> pa.Schema:
     """Return the columns of `changes.parquet`, named as in `changes.json`.
 
     `pair` names the row of `pairs.parquet`; `rle` holds COCO run lengths of a `height` x `width`
@@ -35,6 +52,7 @@ def changes_schema(*, views: bool = False) -> pa.Schema:
     Args:
         views: Whether there are several photos on a side of a pair: how many of the views show a
             change then counts.
+        labels: Whether regions are labelled.
     """
     import pyarrow as pa  # noqa: PLC0415 - half a second; `zeroscd detect` does not need it
 
@@ -51,6 +69,7 @@ def changes_schema(*, views: bool = False) -> pa.Schema:
             "support": pa.float64(),
             "at_border": pa.bool_(),
             **({"seen_by": pa.int32(), "agreed_by": pa.int32()} if views else {}),
+            **({"label": pa.string(), "label_share": pa.float64()} if labels else {}),
             "height": pa.int32(),
             "width": pa.int32(),
             "rle": pa.string(),

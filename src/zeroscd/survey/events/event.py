@@ -41,6 +41,7 @@ class Event:
         latitude: The same, northwards.
         position: "bearings": where the thing stands; "camera": where the best photo was taken from.
         uncertainty_m: How far from there the thing may be, in metres.
+        label: What its best region shows; None if no network says so.
         review: What a reviewer said in the report; None if nobody said anything.
     """
 
@@ -61,6 +62,7 @@ class Event:
     latitude: float | None
     position: PositionKind | None
     uncertainty_m: float | None
+    label: str | None = None
     review: Review | None = None
 
 
@@ -98,4 +100,5 @@ def make_event(
         latitude=located.latitude,
         position=located.position,
         uncertainty_m=located.uncertainty_m,
+        label=best.label,
     )

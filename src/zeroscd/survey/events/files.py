@@ -45,6 +45,7 @@ def events_schema() -> pa.Schema:
             "latitude": pa.float64(),
             "position": pa.string(),
             "uncertainty_m": pa.float64(),
+            "label": pa.string(),
             "review": pa.string(),
         }
     )

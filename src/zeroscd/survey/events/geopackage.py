@@ -25,7 +25,16 @@ NUMBERS = {
     **dict.fromkeys(("id", "sightings", "views", "best_region"), np.int32),
     **dict.fromkeys(("score", "uncertainty_m"), np.float64),
 }
-TEXTS = ("kind", "position", "first_seen", "last_seen", "best_pair", "best_photo", "review")
+TEXTS = (
+    "kind",
+    "position",
+    "first_seen",
+    "last_seen",
+    "best_pair",
+    "best_photo",
+    "label",
+    "review",
+)
 
 
 def is_available() -> bool:

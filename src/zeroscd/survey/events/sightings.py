@@ -36,6 +36,7 @@ class Sighting:
         area_px: Number of pixels.
         rings_xy: Its outlines, (N, 2) each, in pixels.
         seen_by: Views that show its place.
+        label: What it shows; None if no network says so.
     """
 
     pair: str
@@ -50,6 +51,7 @@ class Sighting:
     area_px: int
     rings_xy: tuple[PointsXy, ...]
     seen_by: int = 1
+    label: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,4 +107,5 @@ def _sighting(change: Mapping[str, Any], pair: Mapping[str, Any]) -> Sighting:
         area_px=int(change["area_px"]),
         rings_xy=tuple(np.array(ring) - HALF_PIXEL for ring in change["polygon_xy"]),
         seen_by=int(change.get("seen_by") or 1),
+        label=change.get("label"),
     )
