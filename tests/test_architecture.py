@@ -30,7 +30,7 @@ LAYERS = (
     ("models", "evidence", "pages"),
     ("given", "fingerprint", "export"),
     ("steps", "judging", "result", "saved"),
-    ("labelling", "views"),
+    ("full_size", "labelling", "views"),
     ("detector",),
     ("retrieval", "one_call"),
     ("evaluation", "batch"),

@@ -7,10 +7,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from zeroscd.alignment.known import refuse_for_several
-from zeroscd.evidence import EncodedPhoto, Evidence
+from zeroscd.evidence import EncodedPhoto, Evidence, encoded_photo
+from zeroscd.full_size import at_full_size
 from zeroscd.given import Given
 from zeroscd.images.read import listed, read_photo
-from zeroscd.judging import changed_in_both, judge, leave_out
+from zeroscd.images.working import enlarge_map, enlarge_mask
+from zeroscd.judging import changed_in, judge, leave_out
 from zeroscd.labelling import label_parts
 from zeroscd.labels.classes import class_ids
 from zeroscd.models import Models, load_models
@@ -185,15 +187,12 @@ class Detector:
             read = [read_photo(photo) for photo in photos]
         with timer.stage("encode"):
             maps = self.models.encoder.encode([photo.pixels for photo in read])
-        proposals, labeller = self.models.segmenter.proposals, self.models.labeller
-        encoded = [
-            EncodedPhoto(photo, of_photo, proposals(photo.pixels, of_photo))
-            for photo, of_photo in zip(read, maps, strict=True)
-        ]
+        segmenter, labeller = self.models.segmenter, self.models.labeller
+        encoded = [encoded_photo(*each, segmenter) for each in zip(read, maps, strict=True)]
         if labeller is None:
             return encoded
         with timer.stage("label"):
-            return [replace(one, classes=labeller.label(one.photo.pixels)) for one in encoded]
+            return [replace(one, classes=labeller.label(one.working.pixels)) for one in encoded]
 
     def compare(
         self,
@@ -252,23 +251,24 @@ class Detector:
             judged = judge(pair, seen, masks, chosen.judge)
             judged = leave_out(judged, pair, min_area_px=rules.min_area_px)
             judged = label_parts(judged, pair, ignored=self.ignored_classes)
-            unseen_t0, unseen_t1 = (one.unknown for one in coarse)
-            regions = find_regions(*judged.parts, (unseen_t0, unseen_t1))
-        removed, added = judged.masks
+            pair, judged = at_full_size(pair, judged, min_area_px=rules.min_area_px)
+            regions = find_regions(
+                *judged.parts, (coarse[0].unknown, coarse[1].unknown), sizes_hw=pair.sizes_hw
+            )
         at = 0 if chosen.frame == "t0" else 1
-        mask = changed_in_both(judged, pair)[at]
+        mask = changed_in(chosen.frame, judged, pair)
         return ChangeResult(
             before=pair.photo_t0.photo,
             after=pair.photo_t1.photo,
             frame=chosen.frame,
             mask=mask,
-            removed=removed,
-            added=added,
-            unknown=judged.unknown[at] & ~mask,
-            unseen=coarse[at].unknown & ~mask,
-            heatmap=coarse[at].distance,
+            removed=judged.masks[0],
+            added=judged.masks[1],
+            unknown=enlarge_mask(judged.unknown[at], mask.shape) & ~mask,
+            unseen=enlarge_mask(coarse[at].unknown, mask.shape) & ~mask,
+            heatmap=enlarge_map(coarse[at].distance, mask.shape),
             regions=regions,
-            alignment=evidence.alignment,
+            alignment=evidence.whole_alignment(),
             settings=chosen,
             preset=self.preset,
             seconds=timer.seconds,

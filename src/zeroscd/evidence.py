@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.alignment.homography import apply, invert
+from zeroscd.alignment.homography import apply, invert, scaling
 from zeroscd.alignment.warp import unseen, warp_map, warp_mask
 from zeroscd.images.areas import read_area
 from zeroscd.images.bars import empty_edges
+from zeroscd.images.working import shrink_mask, working_photo
+from zeroscd.records import NotAligned
+from zeroscd.segmenters.port import SizedSegmenter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,8 +23,8 @@ if TYPE_CHECKING:
     from zeroscd.images.areas import AreaSource
     from zeroscd.images.photo import Photo
     from zeroscd.judge.ground import Ground
-    from zeroscd.records import Alignment, FeatureMap, FurtherPhoto, NotAligned, Segments
-    from zeroscd.segmenters.port import MaskProposals
+    from zeroscd.records import Alignment, FeatureMap, FurtherPhoto, Segments
+    from zeroscd.segmenters.port import MaskProposals, Segmenter
     from zeroscd.settings import Settings
 
 
@@ -31,11 +34,12 @@ class EncodedPhoto:
 
     Attributes:
         photo: The pixels.
-        maps: Its feature maps, from coarse to fine.
+        maps: Its feature maps, from coarse to fine, in pixels of `working`.
         proposals: Its segments, computed when first asked for.
         ignored: (H, W) what does not count in it; None where all counts.
         wanted: (H, W) where to look only; None for everywhere.
         classes: (H, W) the class of each pixel; None where no network labels them.
+        smaller: The photo at the size it is compared at, if it is larger than that.
     """
 
     photo: Photo
@@ -44,18 +48,48 @@ class EncodedPhoto:
     ignored: Mask | None = None
     wanted: Mask | None = None
     classes: Classes | None = None
+    smaller: Photo | None = None
+
+    @property
+    def working(self) -> Photo:
+        """The photo at the size it is compared at."""
+        return self.smaller or self.photo
 
     @property
     def size_hw(self) -> tuple[int, int]:
-        """Height and width of the photo."""
-        return self.photo.size_hw
+        """Height and width of `working`, whose pixels every position is in until the end."""
+        return self.working.size_hw
+
+    def to_working(self, points_xy: PointsXy) -> PointsXy:
+        """Carry points of the photo to `working`; both (N, 2)."""
+        if self.smaller is None:
+            return points_xy
+        return apply(invert(self.whole_from_working), points_xy)
+
+    @property
+    def whole_from_working(self) -> Homography:
+        """Carries pixels of `working` to those of the photo; edges lie on edges."""
+        return scaling(self.size_hw, self.photo.size_hw)
+
+    def working_area_px(self, area_px: int) -> int:
+        """Return how many pixels of `working` cover an area of the photo."""
+        if self.smaller is None:
+            return area_px
+        share = self.smaller.pixels.size / self.photo.pixels.size
+        return round(area_px * share)
+
+    def at_full_size(self) -> EncodedPhoto:
+        """Return the photo alone, to carry masks in its own pixels."""
+        return self if self.smaller is None else replace(self, smaller=None, maps=())
 
     @property
     def size_bytes(self) -> int:
         """Memory held so far; it grows when segments are first asked for."""
         descriptors = sum(one.descriptors.nbytes for one in self.maps)
         classes = 0 if self.classes is None else self.classes.nbytes
-        return self.photo.pixels.nbytes + descriptors + classes + self.proposals.size_bytes
+        smaller = 0 if self.smaller is None else self.smaller.pixels.nbytes
+        pixels = self.photo.pixels.nbytes + smaller
+        return pixels + descriptors + classes + self.proposals.size_bytes
 
     def leave_out(
         self, *, ignore: AreaSource | None = None, roi: AreaSource | None = None
@@ -71,11 +105,34 @@ class EncodedPhoto:
         """
         ignored, wanted = self.ignored, self.wanted
         if ignore is not None:
-            area = read_area(ignore, size_hw=self.size_hw, name="the ignore mask")
+            area = read_area(ignore, size_hw=self.photo.size_hw, name="the ignore mask")
+            area = shrink_mask(area, self.size_hw)
             ignored = area if ignored is None else ignored | area
         if roi is not None:
-            wanted = read_area(roi, size_hw=self.size_hw, name="the region of interest")
+            area = read_area(roi, size_hw=self.photo.size_hw, name="the region of interest")
+            wanted = ~shrink_mask(~area, self.size_hw)
         return replace(self, ignored=ignored, wanted=wanted)
+
+
+def encoded_photo(photo: Photo, maps: tuple[FeatureMap, ...], segmenter: Segmenter) -> EncodedPhoto:
+    """Make one from a photo and its feature maps; a large one goes on at its working size.
+
+    Args:
+        photo: As it was read.
+        maps: Its feature maps, in its own pixels.
+        segmenter: Cuts it into segments.
+    """
+    working = working_photo(photo)
+    if working is photo:
+        return EncodedPhoto(photo, maps, segmenter.proposals(photo.pixels, maps))
+    sizes_hw = photo.size_hw, working.size_hw
+    resized = tuple(replace(one, grid=one.grid.resized(*sizes_hw)) for one in maps)
+    proposals = (
+        segmenter.proposals_at(photo.pixels, resized, size_hw=working.size_hw)
+        if isinstance(segmenter, SizedSegmenter)
+        else segmenter.proposals(working.pixels, resized)
+    )
+    return EncodedPhoto(photo, resized, proposals, smaller=working)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +162,8 @@ class Side:
     def unseen(self) -> Mask:
         """Mark the pixels of this photo that the other does not show, and those empty in one."""
         outside = unseen(self.there.size_hw, self.here_from_there, size_b_hw=self.here.size_hw)
-        empty_here, empty_there = (empty_edges(one.photo.pixels) for one in (self.here, self.there))
+        empty_here = empty_edges(self.here.working.pixels)
+        empty_there = empty_edges(self.there.working.pixels)
         return outside | empty_here | self.bring_mask(empty_there)
 
     def ignored(self) -> Mask | None:
@@ -134,6 +192,21 @@ class Pair:
     t1_from_t0: Homography
 
     @property
+    def sizes_hw(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Height and width of the photo before and of the photo after."""
+        return self.photo_t0.size_hw, self.photo_t1.size_hw
+
+    def at_full_size(self) -> Pair:
+        """Return the pair in the photos' own pixels, to carry masks; itself if these are those."""
+        if self.photo_t0.smaller is None and self.photo_t1.smaller is None:
+            return self
+        return Pair(
+            self.photo_t0.at_full_size(),
+            self.photo_t1.at_full_size(),
+            whole_homography(self.t1_from_t0, self.photo_t0, self.photo_t1),
+        )
+
+    @property
     def sides(self) -> tuple[Side, Side]:
         """The pair as seen from t0 and as seen from t1."""
         t0_from_t1 = invert(self.t1_from_t0)
@@ -141,6 +214,14 @@ class Pair:
             Side(self.photo_t0, self.photo_t1, self.t1_from_t0, t0_from_t1),
             Side(self.photo_t1, self.photo_t0, t0_from_t1, self.t1_from_t0),
         )
+
+
+def whole_homography(b_from_a: Homography, a: EncodedPhoto, b: EncodedPhoto) -> Homography:
+    """Return a homography between two photos, found between their `working`, in own pixels."""
+    if a.smaller is None and b.smaller is None:
+        return b_from_a
+    whole = b.whole_from_working @ b_from_a @ invert(a.whole_from_working)
+    return np.asarray(whole / whole[2, 2])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,6 +253,12 @@ class Evidence:
     seconds: Mapping[str, float]
     others: tuple[FurtherPair, ...] = ()
     further_photos: tuple[FurtherPhoto, ...] = ()
+
+    def whole_alignment(self) -> Alignment | NotAligned:
+        """Return the alignment in the photos' own pixels."""
+        if isinstance(self.alignment, NotAligned):
+            return self.alignment
+        return replace(self.alignment, t1_from_t0=self.pair.at_full_size().t1_from_t0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from zeroscd.evidence import Pair, Side
     from zeroscd.judge.sight import Sight
     from zeroscd.judge.support import Scale
+    from zeroscd.records import Frame
 
 
 class Judged(NamedTuple):
@@ -96,8 +97,10 @@ def leave_out(judged: Judged, pair: Pair, *, min_area_px: int) -> Judged:
         return judged
     ignored = ignored_t0, ignored_t1
     parts_t0, parts_t1 = (
-        cut_out(parts, area, min_area_px=min_area_px)
-        for parts, area in zip(judged.parts, ignored, strict=True)
+        cut_out(parts, area, min_area_px=photo.working_area_px(min_area_px))
+        for parts, area, photo in zip(
+            judged.parts, ignored, (pair.photo_t0, pair.photo_t1), strict=True
+        )
     )
     unknown_t0, unknown_t1 = judged.unknown
     return Judged(
@@ -111,16 +114,13 @@ def leave_out(judged: Judged, pair: Pair, *, min_area_px: int) -> Judged:
     )
 
 
-def changed_in_both(judged: Judged, pair: Pair) -> tuple[Mask, Mask]:
-    """Return everything that changed, removed and added, in the frame of t0 and in that of t1."""
-    (side_t0, side_t1), (removed, added) = pair.sides, judged.masks
-    changed = removed | side_t0.bring_mask(added), added | side_t1.bring_mask(removed)
+def changed_in(frame: Frame, judged: Judged, pair: Pair) -> Mask:
+    """Return everything that changed, removed and added, in the frame of one photo."""
+    at = 0 if frame == "t0" else 1
+    changed = judged.masks[at] | pair.sides[at].bring_mask(judged.masks[1 - at])
+    ignored = judged.ignored[at]
     # What was carried there and back may touch the border of what does not count.
-    mask_t0, mask_t1 = (
-        mask if ignored is None else mask & ~ignored
-        for mask, ignored in zip(changed, judged.ignored, strict=True)
-    )
-    return mask_t0, mask_t1
+    return changed if ignored is None else changed & ~ignored
 
 
 def _parts(mask: Mask, side: Side, sight: Sight) -> list[Part]:

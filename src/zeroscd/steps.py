@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from zeroscd.alignment.align import align, blankness, matching_level
-from zeroscd.alignment.homography import homography_or_resize
+from zeroscd.alignment.homography import homography_or_resize, invert
 from zeroscd.alignment.known import known_alignment
 from zeroscd.alignment.matching import match
 from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
@@ -46,8 +47,10 @@ def align_photos(
     """
     sizes_hw = (photo_t0.size_hw, photo_t1.size_hw)
     if known is not None:
-        return known_alignment(known, sizes_hw=sizes_hw)
-    return blankness(photo_t0.photo, photo_t1.photo) or align(
+        given = known_alignment(known, sizes_hw=(photo_t0.photo.size_hw, photo_t1.photo.size_hw))
+        to_t0, from_t1 = photo_t0.whole_from_working, invert(photo_t1.whole_from_working)
+        return replace(given, t1_from_t0=from_t1 @ given.t1_from_t0 @ to_t0)
+    return blankness(photo_t0.working, photo_t1.working) or align(
         photo_t0.maps,
         photo_t1.maps,
         settings,
@@ -166,7 +169,14 @@ def removed_and_added(
             novelty_t1=coarse[1].distance - side_t1.bring_map(coarse[0].distance),
             carriers=(side_t0.bring_mask, side_t1.bring_mask),
         )
-    return _clean(removed_t0, coarse[0], refine), _clean(added_t1, coarse[1], refine)
+    cleaning_t0, cleaning_t1 = (
+        replace(refine, min_area_px=photo.working_area_px(refine.min_area_px))
+        for photo in (pair.photo_t0, pair.photo_t1)
+    )
+    return (
+        _clean(removed_t0, coarse[0], cleaning_t0),
+        _clean(added_t1, coarse[1], cleaning_t1),
+    )
 
 
 def _clean(mask: Mask, coarse: CoarseChange, refine: RefineSettings) -> Mask:

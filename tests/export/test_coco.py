@@ -10,6 +10,7 @@ from pycocotools import mask as coco_mask
 from pycocotools.coco import COCO
 
 from zeroscd.export.coco import coco, coco_json, marked_photos
+from zeroscd.records import Segment
 from zeroscd.refine.regions import encode_rle
 
 if TYPE_CHECKING:
@@ -22,7 +23,13 @@ if TYPE_CHECKING:
 def encoded(result: ChangeResult) -> ChangeResult:
     """The hand-made result with true run lengths."""
     masks = {"removed": result.removed, "added": result.added}
-    regions = tuple(replace(r, rle=encode_rle(masks[r.kind])) for r in result.regions)
+    segments = {kind: Segment.from_mask(mask) for kind, mask in masks.items()}
+    regions = tuple(
+        replace(r, rle=encode_rle(segment, masks[r.kind].shape))
+        for r in result.regions
+        if (segment := segments[r.kind]) is not None
+    )
+    assert len(regions) == len(result.regions)
     return replace(result, regions=regions)
 
 

@@ -17,6 +17,7 @@ from zeroscd.export.table import (
     write_parquet,
 )
 from zeroscd.images.exif import Exif
+from zeroscd.records import Segment
 from zeroscd.refine.regions import encode_rle
 
 if TYPE_CHECKING:
@@ -32,7 +33,13 @@ NEW = Exif(gps=(46.8, 7.3), taken="2024-05-04T12:30:11+02:00")
 @pytest.fixture
 def encoded(result: ChangeResult) -> ChangeResult:
     masks = {"removed": result.removed, "added": result.added}
-    regions = tuple(replace(r, rle=encode_rle(masks[r.kind])) for r in result.regions)
+    segments = {kind: Segment.from_mask(mask) for kind, mask in masks.items()}
+    regions = tuple(
+        replace(r, rle=encode_rle(segment, masks[r.kind].shape))
+        for r in result.regions
+        if (segment := segments[r.kind]) is not None
+    )
+    assert len(regions) == len(result.regions)
     return replace(result, regions=regions)
 
 

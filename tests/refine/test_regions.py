@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pycocotools import mask as coco
 from shapely import MultiPolygon, Polygon
 
+from zeroscd.records import Segment
 from zeroscd.refine.regions import Part, connected_parts, encode_rle, find_regions
 
 if TYPE_CHECKING:
@@ -147,4 +149,9 @@ def test_diagonal_neighbours_are_one_region() -> None:
 def test_run_lengths_come_back_as_the_mask(seed: int) -> None:
     rng = np.random.default_rng(seed)
     mask = rng.random((rng.integers(1, 9), rng.integers(1, 9))) < 0.5
-    np.testing.assert_array_equal(decode(encode_rle(mask)), mask)
+    segment = Segment.from_mask(mask)
+    if segment is not None:
+        lengths = encode_rle(segment, mask.shape)
+        np.testing.assert_array_equal(decode(lengths), mask)
+        theirs = coco.encode(np.asfortranarray(mask.astype(np.uint8)))
+        assert lengths["counts"] == theirs["counts"].decode()

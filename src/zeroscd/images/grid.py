@@ -42,6 +42,20 @@ class PatchGrid:
             origin_xy=((stride_x - 1) / 2, (stride_y - 1) / 2),
         )
 
+    def resized(self, from_hw: tuple[int, int], to_hw: tuple[int, int]) -> PatchGrid:
+        """Return the grid over the same photo at another size.
+
+        Example:
+            >>> PatchGrid.covering((32, 64), size_hw=(2, 4)).resized((32, 64), (16, 32)).stride_xy
+            (8.0, 8.0)
+        """
+        x, y = to_hw[1] / from_hw[1], to_hw[0] / from_hw[0]
+        return PatchGrid(
+            size_hw=self.size_hw,
+            stride_xy=(self.stride_xy[0] * x, self.stride_xy[1] * y),
+            origin_xy=((self.origin_xy[0] + 0.5) * x - 0.5, (self.origin_xy[1] + 0.5) * y - 0.5),
+        )
+
     @property
     def patch_px(self) -> float:
         """Side of a patch in pixels of the photo (geometric mean of both directions)."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import cv2
 import numpy as np
 from pycocotools import mask as coco
 
+from zeroscd.images.areas import resize_mask
 from zeroscd.records import Region, Segment
 from zeroscd.refine.polygons import outer_polygons
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from zeroscd.arrays import Mask
-    from zeroscd.records import Frame, Kind
+    from zeroscd.records import Frame
 
 
 BORDER_WIDTH = 0.02  # of the square root of a photo's area: slightly wrong alignment shows there
@@ -88,21 +89,28 @@ def cut_out(parts: Iterable[Part], ignored: Mask, *, min_area_px: int) -> list[P
 
 
 def find_regions(
-    removed_t0: Iterable[Part], added_t1: Iterable[Part], unseen: tuple[Mask, Mask]
+    removed_t0: Iterable[Part],
+    added_t1: Iterable[Part],
+    unseen: tuple[Mask, Mask],
+    *,
+    sizes_hw: tuple[tuple[int, int], tuple[int, int]] | None = None,
 ) -> tuple[Region, ...]:
     """List the changed parts of both photos, most certain first.
 
     Args:
         removed_t0: Parts of the photo before.
         added_t1: Parts of the photo after.
-        unseen: Pixels of t0, and of t1, that the other photo does not show.
+        unseen: Pixels of t0, and of t1, that the other photo does not show; they may be smaller
+            than the photos.
+        sizes_hw: Height and width of t0, and of t1, in whose pixels the parts are; those of
+            `unseen` if not given.
 
     Returns:
         Regions numbered from 1; those along what the other photo does not show come last.
     """
     found = [
-        *_regions(removed_t0, unseen[0], kind="removed", frame="t0"),
-        *_regions(added_t1, unseen[1], kind="added", frame="t1"),
+        *_regions(removed_t0, resize_mask(_border(unseen[0]), sizes_hw and sizes_hw[0]), "removed"),
+        *_regions(added_t1, resize_mask(_border(unseen[1]), sizes_hw and sizes_hw[1]), "added"),
     ]
     found.sort(key=lambda r: (r.at_border, -r.score, r.kind, r.bbox_xywh))
     return tuple(replace(region, id=number) for number, region in enumerate(found, start=1))
@@ -123,8 +131,9 @@ def alone_in_its_photo(regions: Iterable[Region], frame: Frame) -> tuple[Region,
     )
 
 
-def _regions(parts: Iterable[Part], unseen: Mask, *, kind: Kind, frame: Frame) -> Iterator[Region]:
-    border = _border(unseen)
+def _regions(
+    parts: Iterable[Part], border: Mask, kind: Literal["removed", "added"]
+) -> Iterator[Region]:
     for part in parts:
         segment = part.segment
         inside = segment.crop()
@@ -133,11 +142,11 @@ def _regions(parts: Iterable[Part], unseen: Mask, *, kind: Kind, frame: Frame) -
             id=0,
             kind=kind,
             score=part.score,
-            frame=frame,
+            frame="t0" if kind == "removed" else "t1",
             area_px=segment.area_px,
             bbox_xywh=segment.bbox_xywh,
             polygon_xy=outer_polygons(inside, offset_xy=segment.bbox_xywh[:2]),
-            rle=encode_rle(segment.mask((unseen.shape[0], unseen.shape[1]))),
+            rle=encode_rle(segment, (border.shape[0], border.shape[1])),
             support=part.support,
             at_border=bool(at_border_px > MOSTLY * segment.area_px),
             seen_by=part.seen_by,
@@ -155,12 +164,25 @@ def _border(unseen: Mask) -> Mask:
     return np.asarray(away_px <= BORDER_WIDTH * math.sqrt(unseen.size))
 
 
-def encode_rle(mask: Mask) -> Mapping[str, object]:
+def encode_rle(segment: Segment, size_hw: tuple[int, int]) -> Mapping[str, object]:
     """Return COCO's compressed run lengths, {"size": [H, W], "counts": text}.
 
+    Only the columns of the segment's box are looked at.
+
+    Args:
+        segment: Of a photo.
+        size_hw: Height and width of the photo.
+
     Example:
-        >>> encode_rle(np.array([[False, True], [False, True]]))
+        >>> encode_rle(Segment.from_mask(np.array([[False, True], [False, True]])), (2, 2))
         {'size': [2, 2], 'counts': '22'}
     """
-    encoded = coco.encode(np.asfortranarray(mask.astype(np.uint8)))
-    return {"size": [int(n) for n in encoded["size"]], "counts": encoded["counts"].decode("ascii")}
+    height, width = size_hw
+    x, y, box_width, box_height = segment.bbox_xywh
+    columns = np.zeros((box_width, height), dtype=bool)
+    columns[:, y : y + box_height] = segment.crop().T
+    edges = np.flatnonzero(np.diff(columns.ravel(), prepend=False, append=False))
+    runs = np.diff(edges + x * height, prepend=0, append=width * height)
+    counts = runs[: -1 if runs[-1] == 0 else None].tolist()
+    encoded = coco.frPyObjects({"size": [height, width], "counts": counts}, height, width)
+    return {"size": [height, width], "counts": encoded["counts"].decode("ascii")}

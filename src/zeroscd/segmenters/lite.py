@@ -52,14 +52,33 @@ class LiteSegmenter:
             photo: (H, W, 3) uint8 RGB.
             features: The lite encoder's maps of this photo.
         """
-        return LiteProposals(self._head, photo, features)
+        return self.proposals_at(photo, features, size_hw=(photo.shape[0], photo.shape[1]))
+
+    def proposals_at(
+        self, photo: Rgb, features: tuple[FeatureMap, ...], *, size_hw: tuple[int, int]
+    ) -> LiteProposals:
+        """Prepare a photo whose segments are wanted at another size than its own.
+
+        Args:
+            photo: (H, W, 3) uint8 RGB.
+            features: The lite encoder's maps of this photo.
+            size_hw: Height and width of the segments.
+        """
+        return LiteProposals(self._head, photo, features, size_hw)
 
 
 class LiteProposals:
     """A photo and its tree of regions, built on first use; threads that share it build it once."""
 
-    def __init__(self, head: BoundaryHead, photo: Rgb, features: tuple[FeatureMap, ...]) -> None:
+    def __init__(
+        self,
+        head: BoundaryHead,
+        photo: Rgb,
+        features: tuple[FeatureMap, ...],
+        size_hw: tuple[int, int],
+    ) -> None:
         self._head, self._photo, self._features = head, photo, features
+        self._size_hw = size_hw
         self._tree: Hierarchy | None = None
         self._lock = Lock()
 
@@ -73,10 +92,10 @@ class LiteProposals:
         """Return all nodes of the tree that touch the region of interest, leaves first.
 
         Args:
-            roi: (H, W) region of interest; None = the whole photo.
+            roi: (H, W) region of interest, of the segments' size; None = the whole photo.
         """
         hierarchy = self._hierarchy()
-        leaf_of = leaves_to_pixels(hierarchy.leaf_of, self._photo.shape[:2])
+        leaf_of = leaves_to_pixels(hierarchy.leaf_of, self._size_hw)
         min_area_px = MIN_CELLS * leaf_of.size / hierarchy.leaf_of.size
         return Segments(
             size_hw=leaf_of.shape,

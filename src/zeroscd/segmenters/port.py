@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask, Rgb
@@ -26,6 +26,23 @@ class MaskProposals(Protocol):
 
         Args:
             roi: (H, W) region of interest, which the segments must reach; None = the whole photo.
+        """
+        ...
+
+
+@runtime_checkable
+class SizedSegmenter(Protocol):
+    """A segmenter that looks at a photo in full and gives its segments at a smaller size."""
+
+    def proposals_at(
+        self, photo: Rgb, features: tuple[FeatureMap, ...], *, size_hw: tuple[int, int]
+    ) -> MaskProposals:
+        """Prepare a photo whose segments are wanted at another size than its own.
+
+        Args:
+            photo: (H, W, 3) uint8 RGB.
+            features: The photo's feature maps, for segmenters that use them.
+            size_hw: Height and width of the segments.
         """
         ...
 

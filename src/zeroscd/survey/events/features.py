@@ -8,6 +8,7 @@ from zeroscd.alignment.align import align
 from zeroscd.alignment.homography import invert
 from zeroscd.cache import ExpiringCache
 from zeroscd.errors import ImageError
+from zeroscd.evidence import whole_homography
 from zeroscd.images.read import read_photo
 from zeroscd.records import Alignment
 
@@ -72,7 +73,9 @@ class PhotoFeatures:
             self._loaded().settings.align,
             sizes_hw=(encoded_a.size_hw, encoded_b.size_hw),
         )
-        return found.t1_from_t0 if isinstance(found, Alignment) else None
+        if not isinstance(found, Alignment):
+            return None
+        return whole_homography(found.t1_from_t0, encoded_a, encoded_b)
 
     def _loaded(self) -> Detector:
         self._detector = self._detector or self._make_detector()

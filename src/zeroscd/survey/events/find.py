@@ -100,8 +100,10 @@ def _appearances(
 ) -> dict[int, Appearance]:
     """Describe the sightings in one photo; without the photo, only by their outlines."""
     rings = {k: sightings[k].rings_xy for members in groups.values() for k in members}
+    if photo is None:
+        return {k: Appearance(own, None) for k, own in rings.items()}
     return {
-        k: Appearance(own, None if photo is None else mean_descriptor(photo.maps, own))
+        k: Appearance(own, mean_descriptor(photo.maps, [photo.to_working(ring) for ring in own]))
         for k, own in rings.items()
     }
 

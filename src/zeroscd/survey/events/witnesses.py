@@ -63,7 +63,7 @@ class Witnesses:
         encoded = self._features.encode(photo)
         if to_photo is None or encoded is None:
             return False
-        return in_full_view(sighting, to_photo, encoded.size_hw)
+        return in_full_view(sighting, to_photo, encoded.photo.size_hw)
 
 
 def in_full_view(sighting: Sighting, to_photo: Homography, size_hw: tuple[int, int]) -> bool:
