@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.export import colormap, summary
+from zeroscd.export import colormap
+from zeroscd.export.names import photo_name
 from zeroscd.export.overlay import hatch_layer
 from zeroscd.export.pictures import jpeg, png
 from zeroscd.pages import Shape, Viewer
@@ -51,7 +52,7 @@ def to_viewer(
     moved = isinstance(result.alignment, Alignment)
     names = {"before": result.before, "after": result.after}
     alts = {
-        when: f"Photo {when}: {summary.photo_name(photo, otherwise=when)}"
+        when: f"Photo {when}: {photo_name(result, photo, otherwise=when)}"
         for when, photo in names.items()
     }
     if moved:
@@ -60,8 +61,7 @@ def to_viewer(
     return Viewer(
         size_hw=view.size_hw,
         uris=uris,
-        before_alt=alts["before"],
-        after_alt=alts["after"],
+        alts=alts,
         shapes=[to_shape(region, view) for region in result.regions],
         scale_end=colormap.scale_end(view.heatmap),
         gradient=colormap.css_gradient(),
@@ -76,4 +76,4 @@ def to_shape(region: Region, view: CommonFrame) -> Shape:
         (view.carry(np.array(ring) - 0.5, frame=region.frame) + 0.5).tolist()
         for ring in region.polygon_xy
     ]
-    return Shape(id=region.id, kind=region.kind, score=region.score, rings_xy=rings)
+    return Shape(id=region.id, kind=region.kind, rings_xy=rings)
