@@ -9,12 +9,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from zeroscd.export import regions
 from zeroscd.export.frame import to_common_frame
-from zeroscd.export.regions import region_cards
+from zeroscd.export.shapes import to_shapes
 
 if TYPE_CHECKING:
+    from zeroscd.export.frame import CommonFrame
     from zeroscd.export.regions import Card
     from zeroscd.result import ChangeResult
+
+
+def region_cards(result: ChangeResult, view: CommonFrame) -> list[Card]:
+    return regions.region_cards(result, view, to_shapes(result, view))
 
 
 def thumbs(cards: list[Card]) -> list[np.ndarray]:

@@ -4,34 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from zeroscd.export.pictures import data_uri, jpeg
 from zeroscd.export.summary import percent
-from zeroscd.export.viewer import to_shape
 from zeroscd.pages import MAX_CHIPS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from zeroscd.arrays import Rgb
+    from zeroscd.arrays import Mask, Rgb
     from zeroscd.export.frame import CommonFrame
     from zeroscd.pages import Shape
     from zeroscd.records import Changes, Region
 
-    IntMap: TypeAlias = NDArray[np.int32]
 
 THUMB_WH = (240, 180)
 MAX_THUMB_HEIGHT = 320  # of things that are taller than wide
 THUMB_QUALITY = 80
 MIN_SCALE = 0.1  # view pixels a thumbnail pixel, before the margin: tiny regions stay small
 THUMB_MARGIN = 0.3  # of the region's size, so that one sees where it lies
-SHIFTS = 16  # places of the window that are tried in each direction
+MOSTLY_SEEN = 0.5  # of a row or column that thumbnails may reach to
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +38,7 @@ class Card:
 
     Attributes:
         region: The region.
-        shape: Its outline in the view.
+        shape: Its outline in the view, and whether it lies at the edge.
         share: Of the area of its photo, in words.
         thumbs: URIs of small pictures of the place, by "before" and "after".
         window_xywh: Which part of the view they show: all of it inside the view.
@@ -53,25 +51,38 @@ class Card:
     window_xywh: tuple[int, int, int, int]
 
 
-def region_cards(result: Changes, view: CommonFrame) -> list[Card]:
-    """Describe the regions that have a number in the picture, the most certain ones."""
-    unseen_px = np.asarray(cv2.integral(view.unseen.astype(np.uint8)), np.int32)
-    return [_card(region, result, view, unseen_px) for region in result.regions[:MAX_CHIPS]]
+def region_cards(result: Changes, view: CommonFrame, shapes: Sequence[Shape]) -> list[Card]:
+    """Describe the regions that have a number in the picture.
+
+    Args:
+        result: Whose regions they are.
+        view: Its photos in one frame.
+        shapes: Of all its regions, in the order of the list.
+    """
+    regions = {region.id: region for region in result.regions}
+    cards = []
+    for shape in shapes[:MAX_CHIPS]:
+        region = regions[shape.id]
+        window = _window(_box(region, view), ~view.unseen)
+        cards.append(
+            Card(
+                region=region,
+                shape=shape,
+                share=area_share(result, region),
+                thumbs={
+                    when: data_uri(jpeg(_cut(pixels, window), quality=THUMB_QUALITY))
+                    for when, pixels in (("before", view.before), ("after", view.after))
+                },
+                window_xywh=window,
+            )
+        )
+    return cards
 
 
-def _card(region: Region, result: Changes, view: CommonFrame, unseen_px: IntMap) -> Card:
+def area_share(result: Changes, region: Region) -> str:
+    """Say which share of its photo a region covers."""
     photo = result.before if region.frame == "t0" else result.after
-    window = _window(_box(region, view), unseen_px)
-    return Card(
-        region=region,
-        shape=to_shape(region, view),
-        share=percent(region.area_px / (photo.size_hw[0] * photo.size_hw[1])),
-        thumbs={
-            when: data_uri(jpeg(_cut(pixels, window), quality=THUMB_QUALITY))
-            for when, pixels in (("before", view.before), ("after", view.after))
-        },
-        window_xywh=window,
-    )
+    return percent(region.area_px / (photo.size_hw[0] * photo.size_hw[1]))
 
 
 def _box(region: Region, view: CommonFrame) -> tuple[float, float, float, float]:
@@ -85,42 +96,39 @@ def _box(region: Region, view: CommonFrame) -> tuple[float, float, float, float]
     return float(left), float(top), float(right - left), float(bottom - top)
 
 
-def _window(
-    box_xywh: tuple[float, float, float, float], unseen_px: IntMap
-) -> tuple[int, int, int, int]:
+def _window(box_xywh: tuple[float, float, float, float], seen: Mask) -> tuple[int, int, int, int]:
     """Return the part of the view that a thumbnail shows: the box with a margin.
 
-    It has the shape of a thumbnail where the view is large enough, never leaves the view, and
-    turns away from what only one photo shows.
+    It has a thumbnail's shape where there is room, and keeps to where both photos show the place.
 
     Args:
         box_xywh: Inside the view.
-        unseen_px: (H + 1, W + 1) sums of pixels that only one photo shows, as `cv2.integral`.
+        seen: (H, W) both photos show it.
     """
     x, y, w, h = box_xywh
-    height, width = unseen_px.shape[0] - 1, unseen_px.shape[1] - 1
     scale = max(w / THUMB_WH[0], h / THUMB_WH[1], MIN_SCALE) * (1 + 2 * THUMB_MARGIN)
-    wide, high = (min(round(scale * a), b) for a, b in zip(THUMB_WH, (width, height), strict=True))
-    lefts, tops = _starts(x, w, wide, width), _starts(y, h, high, height)
-    rows, columns = tops[:, None], lefts[None, :]
-    unseen = (
-        unseen_px[rows + high, columns + wide]
-        - unseen_px[rows, columns + wide]
-        - unseen_px[rows + high, columns]
-        + unseen_px[rows, columns]
-    )
-    best = int(unseen.argmin())  # of equal ones the first: the least shift
-    return int(lefts[best % lefts.size]), int(tops[best // lefts.size]), wide, high
+    left, width = _stretch(x, w, round(scale * THUMB_WH[0]), seen.mean(axis=0))
+    top, height = _stretch(y, h, round(scale * THUMB_WH[1]), seen.mean(axis=1))
+    return left, top, width, height
 
 
-def _starts(start: float, length: float, window: int, total: int) -> IntMap:
-    """Return where a window that holds a stretch may begin, the one around its middle first."""
-    last = total - window
-    lowest = min(max(math.ceil(start + length) - window, 0), last)
-    highest = max(min(math.floor(start), last), lowest)
-    middle = min(max(round(start + (length - window) / 2), lowest), highest)
-    tried = np.linspace(lowest, highest, SHIFTS).round().astype(np.int32)
-    return np.array(sorted({middle, *tried.tolist()}, key=lambda one: abs(one - middle)), np.int32)
+def _stretch(
+    start: float, length: float, wanted: int, seen: NDArray[np.float64]
+) -> tuple[int, int]:
+    """Return start and length of a window along one axis.
+
+    Args:
+        start: Of the box, which the window holds.
+        length: Of the box.
+        wanted: Length of the window; it is shorter where there is less room.
+        seen: Share of each row or column that both photos show.
+    """
+    mostly = np.flatnonzero(seen > MOSTLY_SEEN).tolist()
+    first = min([math.floor(start), *mostly[:1]])
+    end = max([math.ceil(start + length), *(last + 1 for last in mostly[-1:])])
+    window = min(wanted, end - first)
+    middle = round(start + (length - window) / 2)
+    return min(max(middle, first), end - window), window
 
 
 def _cut(photo: Rgb, window_xywh: tuple[int, int, int, int]) -> Rgb:

@@ -32,14 +32,15 @@ def render_report(result: Changes) -> str:
     """
     view = to_common_frame(result, longest_px=LONGEST_PX)
     uris = {name: data_uri(draw(view)) for name, draw in LAYERS.items()}
+    shown = to_viewer(result, view, uris)
     return render(
         "report.html",
         summary=summary.summary(result),
         before=_named(result, result.before, "before"),
         after=_named(result, result.after, "after"),
         warnings=summary.warnings(result),
-        shown=to_viewer(result, view, uris),
-        cards=region_cards(result, view),
+        shown=shown,
+        cards=region_cards(result, view, shown.shapes),
         several=bool(result.further_photos),
         facts=[sentence for tell in FACTS if (sentence := tell(result))],
         preset=result.preset,

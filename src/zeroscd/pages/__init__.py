@@ -20,6 +20,6 @@ inside the nearest `data-viewer-scope` (or the viewer alone) is highlighted toge
 """
 
 from zeroscd.pages.environment import asset, render
-from zeroscd.pages.viewer import MAX_CHIPS, Shape, Viewer
+from zeroscd.pages.viewer import MAX_CHIPS, Ring, Shape, Viewer
 
-__all__ = ["MAX_CHIPS", "Shape", "Viewer", "asset", "render"]
+__all__ = ["MAX_CHIPS", "Ring", "Shape", "Viewer", "asset", "render"]

@@ -18,11 +18,13 @@ class Shape:
         id: Number of the region, from 1.
         kind: "removed" or "added".
         rings_xy: Rings, in pixels of the picture, whose upper left corners are whole numbers.
+        at_edge: It lies along the edge of what both photos show.
     """
 
     id: int
     kind: str
     rings_xy: Sequence[Ring]
+    at_edge: bool = False
 
     @property
     def photo(self) -> str:
@@ -40,7 +42,7 @@ class Viewer:
             the photos in the common frame; "heat", the heat map in colours; "unknown", the
             hatching of places that are not judged, transparent elsewhere.
         alts: What the photos "before" and "after" are, in words.
-        shapes: The most certain one first.
+        shapes: In the order of the list.
         scale_end: Distance that gets the last colour of the heat map.
         gradient: Its colours, as a CSS gradient.
         prefix: Of the element ids, so that several viewers fit into one page.
