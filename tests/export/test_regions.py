@@ -42,7 +42,12 @@ def test_a_thumbnail_shows_the_region_with_its_surroundings(result: ChangeResult
     pixels = np.zeros_like(result.after.pixels)
     pixels[12:48, 16:64] = 255
     large = replace(result.regions[1], bbox_xywh=(16, 12, 48, 36))
-    bright = replace(result, after=replace(result.after, pixels=pixels), regions=(large,))
+    bright = replace(
+        result,
+        after=replace(result.after, pixels=pixels),
+        regions=(large,),
+        unseen=np.zeros_like(result.unseen),
+    )
     before, after = thumbs(region_cards(bright, to_common_frame(bright)))
     assert before.shape == after.shape == (181, 240, 3)  # of 77 x 58 px of the view
     white = after[..., 0] > 127

@@ -106,29 +106,33 @@ def _window(box_xywh: tuple[float, float, float, float], seen: Mask) -> tuple[in
         seen: (H, W) both photos show it.
     """
     x, y, w, h = box_xywh
-    scale = max(w / THUMB_WH[0], h / THUMB_WH[1], MIN_SCALE) * (1 + 2 * THUMB_MARGIN)
-    left, width = _stretch(x, w, round(scale * THUMB_WH[0]), seen.mean(axis=0))
-    top, height = _stretch(y, h, round(scale * THUMB_WH[1]), seen.mean(axis=1))
-    return left, top, width, height
+    across, down = _room(x, w, seen.mean(axis=0)), _room(y, h, seen.mean(axis=1))
+    most_wide, most_high = across[1] - across[0], down[1] - down[0]
+    shape = THUMB_WH[0] / THUMB_WH[1]
+    around = 1 + 2 * THUMB_MARGIN
+    high = min(max(h, MIN_SCALE * THUMB_WH[1]) * around, most_high)
+    wide = min(max(w * around, high * shape), most_wide)
+    width, height = round(wide), round(min(max(high, wide / shape), most_high))
+    return _placed(x, w, width, across), _placed(y, h, height, down), width, height
 
 
-def _stretch(
-    start: float, length: float, wanted: int, seen: NDArray[np.float64]
-) -> tuple[int, int]:
-    """Return start and length of a window along one axis.
+def _room(start: float, length: float, seen: NDArray[np.float64]) -> tuple[int, int]:
+    """Return where a window may begin and end along one axis.
 
     Args:
-        start: Of the box, which the window holds.
+        start: Of the box, which has room in any case.
         length: Of the box.
-        wanted: Length of the window; it is shorter where there is less room.
         seen: Share of each row or column that both photos show.
     """
     mostly = np.flatnonzero(seen > MOSTLY_SEEN).tolist()
     first = min([math.floor(start), *mostly[:1]])
-    end = max([math.ceil(start + length), *(last + 1 for last in mostly[-1:])])
-    window = min(wanted, end - first)
+    return first, max([math.ceil(start + length), *(last + 1 for last in mostly[-1:])])
+
+
+def _placed(start: float, length: float, window: int, room: tuple[int, int]) -> int:
+    """Return where a window around the middle of a box begins, moved into the room."""
     middle = round(start + (length - window) / 2)
-    return min(max(middle, first), end - window), window
+    return min(max(middle, room[0]), room[1] - window)
 
 
 def _cut(photo: Rgb, window_xywh: tuple[int, int, int, int]) -> Rgb:
