@@ -423,19 +423,28 @@ def test_a_number_that_is_reached_by_tab_is_in_sight_though_its_region_is_not(
 def test_a_viewer_put_in_later_works_on_its_own_and_starts_as_the_one_before_was_left(
     open_page: Callable[..., Any],
 ) -> None:
-    page = open_page()
+    page = open_page(reduced_motion="reduce")
     page.keyboard.press("w")
+    page.keyboard.press("j")
     page.locator("[data-divider]").fill("30")
     page.get_by_label("Outlines").uncheck()
     page.evaluate(INSERT)
     later = page.locator("[data-viewer]").nth(1)
     assert later.get_attribute("data-mode") == "wipe"
     assert divided_at(page, 1) == ["30%", "30"]
+    sizes = [sheet.bounding_box()["width"] for sheet in page.locator(".before .sheet").all()]
+    assert sizes[0] == sizes[1] > 1.5 * page.locator(".pane.before").first.bounding_box()["width"]
+    later.get_by_role("button", name="Whole photos").click()
+    assert later.locator(".before .sheet").bounding_box()["width"] < sizes[0] / 1.5
     assert not later.locator("svg.shapes").first.is_visible()
     later.get_by_role("button", name="After").click()
     assert [divided_at(page, 0), divided_at(page, 1)] == [["30%", "30"], ["0%", "0"]]
     page.locator(".card").last.hover()
-    assert page.locator(".picked").count() == 6  # none in the first viewer
+    lit = [
+        scope.locator(".picked").evaluate_all("all => all.map((one) => one.dataset.region)")
+        for scope in page.locator("[data-viewer-scope]").all()
+    ]
+    assert lit == [["1"] * 6, ["2"] * 6]  # each viewer lights its own
 
 
 def test_a_viewer_that_was_taken_away_stops_blinking(open_page: Callable[..., Any]) -> None:

@@ -4,6 +4,7 @@
   const MARGIN = 0.3; // around a region that is zoomed to, by its size
   const MAX_ZOOM = 8;
   const BESIDE = 4; // percent between a region and the divider
+  const VIEW = ["--zoom", "--left", "--top"]; // what style.css places the photos by
   const STEP = 2; // percent that an arrow key moves the divider by
   const DRAG_PX = 5; // less is a click
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -90,8 +91,8 @@
     const by = Math.min(Math.max(fit, 1), MAX_ZOOM);
     const start = (from, size) => Math.min(Math.max(from + (size - 1 / by) / 2, 0), 1 - 1 / by);
     const x = start(left, width);
-    const values = { "--zoom": by, "--left": x, "--top": start(top, height) };
-    for (const [name, value] of Object.entries(values)) stage.style.setProperty(name, value);
+    const values = [by, x, start(top, height)];
+    VIEW.forEach((name, at) => stage.style.setProperty(name, values[at]));
     return [100 * (left - x) * by, 100 * (left + width - x) * by];
   }
 
@@ -177,7 +178,8 @@
     }
   }
 
-  /* Makes a viewer work; `replaced`, if given, is the one whose mode, divider and layers it takes over. */
+  /* Makes a viewer work; `replaced`, if given, is the one that it goes on from: in mode, divider,
+     layers and what is enlarged. */
   function attach(root, replaced) {
     if (keysOf.has(root)) return;
     const stage = root.querySelector("[data-stage]");
@@ -185,7 +187,12 @@
     const { release, step } = regions(root, stage, photos, dragging(root, stage, photos.show));
     layers(root, stage, replaced);
     choose(replaced ? replaced.dataset.mode : "side");
-    if (replaced) photos.show(replaced.querySelector("[data-divider]").value);
+    if (replaced) {
+      const { style } = replaced.querySelector("[data-stage]");
+      for (const name of VIEW) stage.style.setProperty(name, style.getPropertyValue(name));
+      photos.show(replaced.querySelector("[data-divider]").value);
+      root.querySelector("[data-whole]").disabled = replaced.querySelector("[data-whole]").disabled;
+    }
     for (const part of root.querySelectorAll("[data-controls]")) part.hidden = false;
     keysOf.set(root, {
       s: () => choose("side"),
