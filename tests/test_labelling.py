@@ -108,6 +108,7 @@ def test_every_export_has_the_label(detect: Any, draw_scene: Any, tmp_path: Path
     assert saved["regions"][0]["label"] == "signboard"
     assert zeroscd.load(tmp_path).regions == result.regions
     assert json.loads(coco_json(result))["annotations"][0]["label"] == "signboard"
+    assert "signboard (100 % of it)" in (tmp_path / "report.html").read_text()
     header, row = changes_csv(result, PairNotes()).decode().splitlines()[:2]
     assert row.split(",")[header.split(",").index("label")] != ""
 

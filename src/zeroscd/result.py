@@ -10,9 +10,10 @@ from zeroscd import records
 from zeroscd.errors import OutputError
 from zeroscd.export.changes import changes
 from zeroscd.export.files import save_result
+from zeroscd.export.names import photo_name
 from zeroscd.export.overlay import draw_overlay
 from zeroscd.export.report import render_report
-from zeroscd.export.summary import photo_name, summary
+from zeroscd.export.summary import summary
 from zeroscd.export.supervision import detections
 from zeroscd.records import Changes
 from zeroscd.renamed import moved_names
@@ -42,7 +43,8 @@ class ChangeResult(Changes):
         """Say in two lines what was found, and between which photos."""
         height, width = self.mask.shape
         names = (
-            photo_name(one, otherwise="array")[-MAX_NAME:] for one in (self.before, self.after)
+            photo_name(self, one, otherwise="array")[-MAX_NAME:]
+            for one in (self.before, self.after)
         )
         aligned = "aligned" if isinstance(self.alignment, records.Alignment) else "not aligned"
         return (

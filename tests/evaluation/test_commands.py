@@ -300,6 +300,7 @@ def test_ablate_prints_the_curve_beside_the_papers(
     assert ["0.65", "0.200", "0.267", "0.200", "0.250", "0.167", "0.754"] in rows
     page = (out / "report.html").read_text()
     assert "paper, VL-CMU-CD" in page
+    assert "<li>best F1 <span>0.200</span></li>\n<li>tau <span>0.6</span></li>" in page
     assert page.count("<polyline") == 3  # ours and the paper's F1, then precision over recall
     assert len(json.loads((out / "ablation.json").read_text())["points"]) == 3
 

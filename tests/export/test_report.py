@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from zeroscd.export.report import render_report
+from zeroscd.records import FurtherPhoto, Transients
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -167,7 +168,46 @@ def test_of_very_many_regions_all_outlines_and_the_most_certain_cards_are_shown(
     assert "Regions (60 of 80, the most certain ones)" in page.words["h2"]
     assert len(page.all("li")) == 60
     assert len([a for a in page.all("a") if "chip" in str(a.get("class"))]) == 60
-    assert len(page.all("g")) == 80
+    assert len([path for path in page.all("path") if "data-outline" in path]) == 80
+    assert len(page.all("g")) == 2 * 80 + 2 * 60  # on both photos, and on their thumbnails
+
+
+def test_regions_at_the_edge_come_last_and_are_marked(result: ChangeResult) -> None:
+    first, second = result.regions
+    edge = replace(result, regions=(replace(first, at_border=True), second))
+    text = render_report(edge)
+    heading = text.index("At the edge of what both photos show (1)")
+    assert text.index('id="region-2"') < heading < text.index('id="region-1"')
+    mark = "at the edge of what both photos show"
+    assert mark in text.split('id="region-1"')[1].split("</li>", maxsplit=1)[0]
+    assert mark not in text.split('id="region-2"')[1].split("</li>", maxsplit=1)[0]
+    assert mark not in render_report(result).lower()
+
+
+def test_of_several_photos_each_region_says_how_many_views_agree(result: ChangeResult) -> None:
+    further = FurtherPhoto(photo=replace(result.before, path="photos/b.jpg"), frame="t0")
+    first = replace(result.regions[0], seen_by=3, agreed_by=2)
+    text = render_report(replace(result, regions=(first,), further_photos=(further,)))
+    assert "seen by 3, 2 agree" in text
+    assert "Further photos of the place: before b.jpg." in text
+    assert "agree</dd>" not in render_report(result)
+
+
+def test_what_stands_in_one_photo_only_is_told(result: ChangeResult) -> None:
+    passing = Transients(photo=result.after, frame="t1", regions=result.regions[1:])
+    text = render_report(replace(result, transients=(passing,)))
+    assert "In one photo only: 1 in after new.jpg." in text
+
+
+def test_photos_of_one_name_are_told_apart_by_their_folders(result: ChangeResult) -> None:
+    before, after = (
+        replace(photo, path=f"/street/{when}/12.jpg")
+        for when, photo in (("old", result.before), ("new", result.after))
+    )
+    page = Page(render_report(replace(result, before=before, after=after)))
+    assert page.words["title"].startswith("old/12.jpg → new/12.jpg: 1 region added")
+    alts = [str(image["alt"]) for image in page.all("img")]
+    assert alts[0] == "Photo before: old/12.jpg, warped onto the photo after"
 
 
 def test_without_regions_the_page_says_so(nothing: ChangeResult) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from zeroscd.export import summary
-from zeroscd.images.photo import Photo
 from zeroscd.records import Alignment, FurtherPhoto
 
 if TYPE_CHECKING:
@@ -80,14 +79,6 @@ def test_a_pair_that_can_hardly_be_judged_is_a_warning(result: ChangeResult) -> 
     unknown[:, 7:9] = True
     (warning,) = summary.warnings(replace(result, unknown=unknown))
     assert warning.startswith("Only 8.8 % of the photo could be judged: elsewhere the photos match")
-
-
-@pytest.mark.parametrize(
-    ("path", "name"), [("a/b/c.jpg", "c.jpg"), ("C:\\x\\y.png", "y.png"), (None, "before")]
-)
-def test_a_photo_is_called_by_its_file_name(path: str | None, name: str) -> None:
-    photo = Photo(pixels=np.zeros((1, 1, 3), np.uint8), path=path)
-    assert summary.photo_name(photo, otherwise="before") == name
 
 
 def test_further_photos_are_named_by_side_and_the_left_out_ones_with_the_reason(

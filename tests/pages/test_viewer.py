@@ -9,8 +9,7 @@ def viewer(*shapes: Shape, size_hw: tuple[int, int] = (60, 80)) -> Viewer:
     return Viewer(
         size_hw=size_hw,
         uris={},
-        before_alt="",
-        after_alt="",
+        alts={},
         shapes=shapes,
         scale_end=1.0,
         gradient="",
@@ -18,7 +17,7 @@ def viewer(*shapes: Shape, size_hw: tuple[int, int] = (60, 80)) -> Viewer:
 
 
 def shape(*ring: tuple[float, float], number: int = 1) -> Shape:
-    return Shape(id=number, kind="added", score=0.5, rings_xy=[ring])
+    return Shape(id=number, kind="added", rings_xy=[ring])
 
 
 def test_a_number_sits_on_the_top_of_its_region() -> None:
@@ -36,3 +35,8 @@ def test_only_the_first_regions_get_a_number() -> None:
     shapes = [shape((1, 1), number=number) for number in range(1, MAX_CHIPS + 5)]
     numbers = [one.id for one, _, _ in viewer(*shapes).chips]
     assert numbers == list(range(1, MAX_CHIPS + 1))
+
+
+def test_a_box_is_the_part_of_a_region_inside_the_picture() -> None:
+    one = shape((-8, 30), (40, 15), (20, 75))
+    assert viewer(one).box_percent(one) == pytest.approx((0, 25, 50, 75))  # of 80 x 60 px

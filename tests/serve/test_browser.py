@@ -76,19 +76,26 @@ def test_two_photos_are_compared_and_the_result_can_be_handled(
     compare(page, files)
     expect(page.locator("#status")).to_have_text("Done: 4 changed regions, shown below.")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    # The divider, with the keyboard.
+    # Both photos, one below the other; the divider, with the keyboard.
+    before, after = (page.locator(f".pane.{when}").bounding_box() for when in ("before", "after"))
+    assert before["y"] + before["height"] < after["y"]
+    page.keyboard.press("w")
     page.focus("[data-divider]")
     page.keyboard.press("End")
-    style = "getComputedStyle(document.querySelector('.stage .before')).clipPath"
-    assert page.evaluate(style).startswith("inset(0px 0")
+    style = "getComputedStyle(document.querySelector('.pane.after .window')).clipPath"
+    assert page.evaluate(style) == "inset(0px 0px 0px 100%)"
     page.keyboard.press("Home")
-    assert "100%" in page.evaluate(style)
+    assert page.evaluate(style) in ("inset(0px)", "inset(0px 0px 0px 0%)")
     # A region, from the table and from the picture.
     page.click("tr[data-region='2'] td:last-child")
     expect(page.locator("tr[data-region='2'] button")).to_have_attribute("aria-pressed", "true")
-    expect(page.locator(".shapes g.picked")).to_have_attribute("data-region", "2")
+    expect(page.locator(".after .shapes g.picked")).to_have_attribute("data-region", "2")
+    expect(page.locator("[data-current]")).to_contain_text("Region 2 of 4")
+    page.keyboard.press("Escape")
+    page.keyboard.press("s")
     page.click(".chips a[data-region='4']")
     expect(page.locator("tr.picked")).to_have_attribute("data-region", "4")
+    expect(page.locator("tr[data-region='4'] button")).to_have_attribute("aria-pressed", "true")
     expect(page.locator("tr[data-region='2'] button")).to_have_attribute("aria-pressed", "false")
     # A download.
     with page.expect_download() as coming:
@@ -100,22 +107,22 @@ def test_numbers_and_pictures_lie_where_the_style_puts_them(
     page: Any, files: dict[str, Path]
 ) -> None:
     compare(page, files)
-    stage = page.locator("[data-stage]").bounding_box()
-    assert stage["width"] / stage["height"] == pytest.approx(256 / 192, abs=0.02)
-    places = {
-        (round(box["x"]), round(box["y"]))
-        for chip in page.locator(".chips a").all()
-        for box in [chip.bounding_box()]
-    }
+    places = set()
+    for when in ("before", "after"):
+        pane = page.locator(f".pane.{when}").bounding_box()
+        assert pane["width"] / pane["height"] == pytest.approx(256 / 192, abs=0.02)
+        for chip in page.locator(f".pane.{when} .chips a").all():
+            box = chip.bounding_box()
+            places.add((round(box["x"]), round(box["y"])))
+            assert pane["x"] - 20 < box["x"] < pane["x"] + pane["width"]
+            assert pane["y"] - 20 < box["y"] < pane["y"] + pane["height"]
     assert len(places) > 1
-    for x, y in places:
-        assert stage["x"] - 20 < x < stage["x"] + stage["width"]
-        assert stage["y"] - 20 < y < stage["y"] + stage["height"]
 
 
 def test_a_slider_changes_the_result_and_the_view_stays(page: Any, files: dict[str, Path]) -> None:
     compare(page, files)
     page.check("[data-layer='heat']")
+    page.keyboard.press("w")
     page.fill("[data-divider]", "20")
     page.get_by_label("Smallest change").focus()
     page.keyboard.press("End")
@@ -123,6 +130,7 @@ def test_a_slider_changes_the_result_and_the_view_stays(page: Any, files: dict[s
     expect(page.locator("#result h2")).to_have_text("No change found")
     expect(page.locator("#area-value")).to_have_text("20000")
     assert page.is_checked("[data-layer='heat']")
+    assert page.get_attribute("[data-viewer]", "data-mode") == "wipe"
     assert page.input_value("[data-divider]") == "20"
 
 

@@ -139,7 +139,7 @@ def test_a_result_names_everything_it_shows(found: CachedResult) -> None:
 def test_a_result_holds_no_style_that_the_policy_would_block(found: CachedResult) -> None:
     elements = Elements(render_result(found, "NAME"))
     assert [a for _, a in elements.tags if "style" in a] == []
-    assert any("--at" in str(a.get("data-style")) for _, a in elements.tags)
+    assert any("--ratio" in str(a.get("data-style")) for _, a in elements.tags)
 
 
 def test_warnings_are_shown_in_words(found: CachedResult) -> None:
@@ -157,3 +157,15 @@ def test_a_place_is_named_by_thirds(found: CachedResult) -> None:
         for box in ((0, 0, 10, 10), (40, 40, 10, 10), (80, 40, 10, 10), (0, 80, 10, 10))
     ]
     assert places == ["top left", "centre", "middle right", "bottom left"]
+
+
+def test_regions_at_the_edge_have_a_heading_of_their_own(found: CachedResult) -> None:
+    regions = found.result.regions
+    last = replace(regions[-1], at_border=True)
+    edge = replace(found, result=replace(found.result, regions=(*regions[:-1], last)))
+    heading = "At the edge of what both photos show"
+    text = render_result(edge, "n")
+    assert text.index('id="region-3"') < text.index(heading) < text.index('id="region-4"')
+    assert heading not in render_result(found, "n")
+    alone = replace(edge, result=replace(edge.result, regions=(last,)))
+    assert render_result(alone, "n").count(heading) == 1

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from zeroscd.export import summary
 from zeroscd.export.frame import to_common_frame
+from zeroscd.export.names import photo_name
 from zeroscd.export.pictures import data_uri
-from zeroscd.export.regions import THUMB_WH, region_cards
+from zeroscd.export.regions import region_cards
 from zeroscd.export.viewer import LAYERS, to_viewer
 from zeroscd.pages import render
 
@@ -16,6 +17,12 @@ if TYPE_CHECKING:
     from zeroscd.records import Changes
 
 LONGEST_PX = 1600  # of the photos inside the report
+FACTS = (
+    summary.alignment_sentence,
+    summary.further_photos_sentence,
+    summary.transients_sentence,
+    summary.coverage_sentence,
+)
 
 
 def render_report(result: Changes) -> str:
@@ -25,28 +32,24 @@ def render_report(result: Changes) -> str:
     """
     view = to_common_frame(result, longest_px=LONGEST_PX)
     uris = {name: data_uri(draw(view)) for name, draw in LAYERS.items()}
+    shown = to_viewer(result, view, uris)
     return render(
         "report.html",
         summary=summary.summary(result),
-        before=_named(result.before, "before"),
-        after=_named(result.after, "after"),
+        before=_named(result, result.before, "before"),
+        after=_named(result, result.after, "after"),
         warnings=summary.warnings(result),
-        shown=to_viewer(result, view, uris),
-        cards=region_cards(result, view),
-        thumb_wh=THUMB_WH,
-        alignment=" ".join(
-            filter(
-                None, [summary.alignment_sentence(result), summary.further_photos_sentence(result)]
-            )
-        ),
-        coverage=summary.coverage_sentence(result),
+        shown=shown,
+        cards=region_cards(result, view, shown.shapes),
+        several=bool(result.further_photos),
+        facts=[sentence for tell in FACTS if (sentence := tell(result))],
         preset=result.preset,
         settings=_settings_rows(result),
     )
 
 
-def _named(photo: Photo, otherwise: str) -> dict[str, str]:
-    name = summary.photo_name(photo, otherwise=otherwise)
+def _named(result: Changes, photo: Photo, otherwise: str) -> dict[str, str]:
+    name = photo_name(result, photo, otherwise=otherwise)
     return {"name": name, "path": photo.path or name}
 
 

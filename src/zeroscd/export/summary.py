@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from zeroscd.export.names import photo_name
 from zeroscd.records import Alignment
 
 if TYPE_CHECKING:
-    from zeroscd.images.photo import Photo
     from zeroscd.records import Changes, FurtherPhoto, Transients
 
 MOSTLY_UNSEEN = 0.5  # share of pixels out of view above which the report warns
@@ -74,9 +74,11 @@ def alignment_sentence(result: Changes) -> str:
 def further_photos_sentence(result: Changes) -> str:
     """Name the further photos of the place, and why some were left out; empty if there are none."""
     photos = result.further_photos
-    used = [_side_and_name(one) for one in photos if one.left_out is None]
+    used = [_side_and_name(result, one) for one in photos if one.left_out is None]
     left_out = [
-        f"{_side_and_name(one)} ({one.left_out.rstrip('. ')})" for one in photos if one.left_out
+        f"{_side_and_name(result, one)} ({one.left_out.rstrip('. ')})"
+        for one in photos
+        if one.left_out
     ]
     parts = {"Further photos of the place": used, "Left out": left_out}
     return " ".join(f"{title}: {', '.join(names)}." for title, names in parts.items() if names)
@@ -87,14 +89,16 @@ def transients_sentence(result: Changes) -> str:
     if result.transients is None:
         return ""
     found = [
-        f"{len(one.regions)} in {_side_and_name(one)}" for one in result.transients if one.regions
+        f"{len(one.regions)} in {_side_and_name(result, one)}"
+        for one in result.transients
+        if one.regions
     ]
     return f"In one photo only: {', '.join(found) if found else 'nothing'}."
 
 
-def _side_and_name(further: FurtherPhoto | Transients) -> str:
+def _side_and_name(result: Changes, further: FurtherPhoto | Transients) -> str:
     side = "before" if further.frame == "t0" else "after"
-    return f"{side} {photo_name(further.photo, otherwise='(no name)')}"
+    return f"{side} {photo_name(result, further.photo, otherwise='(no name)')}"
 
 
 def coverage_sentence(result: Changes) -> str:
@@ -147,8 +151,3 @@ def percent(fraction: float) -> str:
     if 0 < value < 0.1:  # noqa: PLR2004 - the last digit that is shown
         return "< 0.1 %"
     return f"{value:.0f} %" if value >= 10 or value == 0 else f"{value:.1f} %"  # noqa: PLR2004
-
-
-def photo_name(photo: Photo, *, otherwise: str) -> str:
-    """Return the file name of a photo, without its folders."""
-    return photo.path.replace("\\", "/").rsplit("/", 1)[-1] if photo.path else otherwise

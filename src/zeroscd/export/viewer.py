@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from zeroscd.export import colormap, summary
+from zeroscd.export import colormap
+from zeroscd.export.names import photo_name
 from zeroscd.export.overlay import hatch_layer
 from zeroscd.export.pictures import jpeg, png
-from zeroscd.pages import Shape, Viewer
+from zeroscd.export.shapes import to_shapes
+from zeroscd.pages import Viewer
 from zeroscd.records import Alignment
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from zeroscd.export.frame import CommonFrame
-    from zeroscd.records import Changes, Region
+    from zeroscd.records import Changes
 
 PHOTO_QUALITY = 85
 HEAT_QUALITY = 75
@@ -51,7 +51,7 @@ def to_viewer(
     moved = isinstance(result.alignment, Alignment)
     names = {"before": result.before, "after": result.after}
     alts = {
-        when: f"Photo {when}: {summary.photo_name(photo, otherwise=when)}"
+        when: f"Photo {when}: {photo_name(result, photo, otherwise=when)}"
         for when, photo in names.items()
     }
     if moved:
@@ -60,20 +60,9 @@ def to_viewer(
     return Viewer(
         size_hw=view.size_hw,
         uris=uris,
-        before_alt=alts["before"],
-        after_alt=alts["after"],
-        shapes=[to_shape(region, view) for region in result.regions],
+        alts=alts,
+        shapes=to_shapes(result, view),
         scale_end=colormap.scale_end(view.heatmap),
         gradient=colormap.css_gradient(),
         prefix=prefix,
     )
-
-
-def to_shape(region: Region, view: CommonFrame) -> Shape:
-    """Carry a region's outline into the view."""
-    rings = [
-        # Corners of pixels are whole numbers; homographies count from their centres.
-        (view.carry(np.array(ring) - 0.5, frame=region.frame) + 0.5).tolist()
-        for ring in region.polygon_xy
-    ]
-    return Shape(id=region.id, kind=region.kind, score=region.score, rings_xy=rings)

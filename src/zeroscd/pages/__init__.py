@@ -10,16 +10,17 @@ scripts run. A page with its files beside it overrides the blocks `policy`, `sty
     {% block main %}
     <div data-viewer-scope>
     {{ viewer(shown) }}
-    <ol><li id="region-1" data-region="1">A card: pointed at, it lights up in the picture.</ol>
+    <ol><li id="region-1" data-region="1">A card: chosen, it is enlarged on both photos.</ol>
     </div>
     {% endblock %}
 
 `shown` is a `Viewer`. `assets/viewer.js` finds every viewer when the page is loaded, and
 `zeroscdViewer(element)` attaches it to one that was inserted later. What carries a `data-region`
-inside the nearest `data-viewer-scope` (or the viewer alone) is highlighted together.
+inside the nearest `data-viewer-scope` (or the viewer alone) is highlighted together when it is
+pointed at, and enlarged when it is chosen.
 """
 
 from zeroscd.pages.environment import asset, render
-from zeroscd.pages.viewer import MAX_CHIPS, Shape, Viewer
+from zeroscd.pages.viewer import MAX_CHIPS, Ring, Shape, Viewer
 
-__all__ = ["MAX_CHIPS", "Shape", "Viewer", "asset", "render"]
+__all__ = ["MAX_CHIPS", "Ring", "Shape", "Viewer", "asset", "render"]

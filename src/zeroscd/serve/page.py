@@ -10,6 +10,7 @@ from fastapi.responses import RedirectResponse
 
 import zeroscd
 from zeroscd.export import summary
+from zeroscd.export.regions import area_share
 from zeroscd.export.viewer import to_viewer
 from zeroscd.pages import asset, render
 from zeroscd.serve.comparison_files import PICTURES
@@ -18,6 +19,7 @@ from zeroscd.serve.problems import Kind, Problem
 from zeroscd.serve.sensitivity import HALF
 
 if TYPE_CHECKING:
+    from zeroscd.pages import Shape
     from zeroscd.records import Region
     from zeroscd.result import ChangeResult
     from zeroscd.serve.comparison import CachedResult, Comparisons
@@ -83,14 +85,15 @@ def render_result(found: CachedResult, name: str) -> str:
         name: Of its comparison; part of the addresses of its pictures.
     """
     result, at = found.result, f"v1/comparisons/{name}/results/{found.number}"
+    addresses = {layer: f"{at}/{file}" for layer, file in PICTURES.items()}
+    shown = to_viewer(result, found.frame, addresses)
+    regions = {region.id: region for region in result.regions}
     html = render(
         "serve_result.html",
         summary=summary.summary(result),
         warnings=summary.warnings(result),
-        shown=to_viewer(
-            result, found.frame, {layer: f"{at}/{file}" for layer, file in PICTURES.items()}
-        ),
-        rows=[_row(region, result) for region in result.regions[:MAX_ROWS]],
+        shown=shown,
+        rows=[_row(shape, regions[shape.id], result) for shape in shown.shapes[:MAX_ROWS]],
         total=len(result.regions),
         at=at,
         downloads=DOWNLOADS,
@@ -116,13 +119,13 @@ def place(region: Region, size_hw: tuple[int, int]) -> str:
     return "centre" if (row, column) == ("middle", "centre") else f"{row} {column}"
 
 
-def _row(region: Region, result: ChangeResult) -> dict[str, object]:
+def _row(shape: Shape, region: Region, result: ChangeResult) -> dict[str, object]:
     photo = result.before if region.frame == "t0" else result.after
-    share = region.area_px / (photo.size_hw[0] * photo.size_hw[1])
     return {
         "region": region,
+        "at_edge": shape.at_edge,
         "place": place(region, photo.size_hw),
-        "share": summary.percent(share),
+        "share": area_share(result, region),
     }
 
 

@@ -95,6 +95,27 @@ def test_html_shows_names_as_text_and_not_as_tags() -> None:
     assert "<b>" not in text
 
 
+def test_columns_of_numbers_are_told_from_columns_of_words() -> None:
+    rows = (("a", "0.5", "-", "1 px"), ("0.1", "", "2", "3"))
+    assert Table(title="t", columns=("", "", "", ""), rows=rows).numeric == {1, 2}
+    text = Page(title="t", facts=(), tables=(TABLE,)).to_html()
+    assert '<th scope="col">method</th><th scope="col" class="number">F1</th>' in text
+    assert '<td class="number">0.75</td>' in text
+
+
+def test_the_page_begins_with_the_scores_and_what_puts_them_in_doubt(
+    scores: Scores, out: Path
+) -> None:
+    pairs = tuple(replace(pair, resized=True) for pair in scores.pairs)
+    text = score_page(replace(scores, pairs=pairs), out).to_html()
+    places = [
+        text.index(part)
+        for part in ("<li>F1 <span>0.200</span></li>", 'class="warning">not as large', "<svg")
+    ]
+    assert places == sorted(places)
+    assert 'class="warning"' not in score_page(scores, out).to_html()
+
+
 def test_a_chart_puts_points_where_its_ticks_say() -> None:
     chart = Chart(
         title="a < b", x_name="x", y_name="y", lines=(), x_range=(0.0, 2.0), y_range=(0.0, 1.0)

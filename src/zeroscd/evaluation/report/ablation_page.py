@@ -32,11 +32,14 @@ def paper_value(point: Point) -> float | None:
     return None
 
 
+def best_of(points: Sequence[Point]) -> int:
+    """Return which combination has the highest F1, the first of several."""
+    return max(range(len(points)), key=lambda at: points[at].scores.summary.f1_macro or 0.0)
+
+
 def ablation_table(points: Sequence[Point]) -> Table:
     """Show every combination, the best one marked."""
     names = tuple(points[0].values)
-    f1 = [point.scores.summary.f1_macro for point in points]
-    best = max(range(len(points)), key=lambda at: f1[at] or 0.0)
     rows = []
     for point in points:
         found = point.scores.summary
@@ -52,7 +55,7 @@ def ablation_table(points: Sequence[Point]) -> Table:
         title=f"ablation on {points[0].scores.dataset.name} (the paper's column: VL-CMU-CD)",
         columns=(*names, *scores),
         rows=tuple(rows),
-        strong=frozenset({best}),
+        strong=frozenset({best_of(points)}),
     )
 
 
@@ -97,13 +100,23 @@ def ablation_page(axes: Sequence[Axis], points: Sequence[Point]) -> Page:
         if dataset == VL_CMU_CD
         else "the paper's numbers are for VL-CMU-CD: compare the shape, not the height"
     )
+    scores = points[0].scores
     return Page(
-        title=f"ablation on {dataset}",
-        facts=(f"varied: {tried}", caveat, *protocol_facts(points[0].scores)),
-        fine_print=fine_print(points[0].scores.settings),
+        title=f"Ablation on {dataset}",
+        figures=_best_figures(points),
+        warnings=scores.warnings,
         charts=ablation_charts(axes, points),
         tables=(ablation_table(points),),
+        facts=(f"varied: {tried}", caveat, *protocol_facts(scores)),
+        fine_print=fine_print(scores.settings),
     )
+
+
+def _best_figures(points: Sequence[Point]) -> dict[str, str]:
+    best = points[best_of(points)]
+    return {"best F1": number(best.scores.summary.f1_macro), **best.values} | {
+        "pairs": str(len(best.scores.pairs)),
+    }
 
 
 def _series(along: Axis, points: Sequence[Point], *, over_recall: bool = False) -> tuple[Line, ...]:

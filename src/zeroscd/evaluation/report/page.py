@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from zeroscd.evaluation.curves import best_of, precision_recall
 from zeroscd.evaluation.report.charts import Chart, Line
 from zeroscd.evaluation.report.panels import KEYS, draw_panels
 from zeroscd.evaluation.report.score_tables import score_tables
+from zeroscd.evaluation.report.tables import number
 from zeroscd.export.pictures import data_uri, jpeg, thumbnail
 from zeroscd.fingerprint import versions
 from zeroscd.output import write_whole
 from zeroscd.pages import render
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from zeroscd.evaluation.report.panels import Panel
@@ -35,19 +36,23 @@ class Page:
 
     Attributes:
         title: The heading.
-        facts: Plain sentences: how the numbers came about.
-        fine_print: More of them, folded away.
+        figures: What one looks for first, as name -> value.
+        warnings: What puts the numbers in doubt.
         charts: Drawn as SVG.
         tables: Written as tables.
         panels: Pictures of pairs.
+        facts: Plain sentences: how the numbers came about.
+        fine_print: More of them, folded away.
     """
 
     title: str
-    facts: tuple[str, ...]
-    fine_print: tuple[str, ...] = ()
+    figures: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
     charts: tuple[Chart, ...] = ()
     tables: tuple[Table, ...] = ()
     panels: tuple[Panel, ...] = ()
+    facts: tuple[str, ...]
+    fine_print: tuple[str, ...] = ()
 
     def to_html(self) -> str:
         """Write the page; it refers to nothing outside itself."""
@@ -84,12 +89,25 @@ def score_page(scores: Scores, out: Path, *, chosen: Sequence[str] = ()) -> Page
     """
     return Page(
         title=f"{scores.preset} on {scores.dataset.name}",
-        facts=protocol_facts(scores),
-        fine_print=fine_print(scores.settings),
+        figures=key_figures(scores),
+        warnings=scores.warnings,
         charts=(heat_chart(scores),),
         tables=score_tables(scores),
         panels=tuple(draw_panels(scores, out, chosen)),
+        facts=protocol_facts(scores),
+        fine_print=fine_print(scores.settings),
     )
+
+
+def key_figures(scores: Scores) -> dict[str, str]:
+    """Return the numbers that one looks for first, by name."""
+    found = scores.summary
+    return {
+        "F1": number(found.f1_macro),
+        "precision": number(found.precision_macro),
+        "recall": number(found.recall_macro),
+        "pairs": str(len(scores.pairs)),
+    }
 
 
 def heat_chart(scores: Scores) -> Chart:
@@ -123,7 +141,6 @@ def protocol_facts(scores: Scores) -> tuple[str, ...]:
         "pairs without any change are left out of the means and counted on their own",
         f"{seconds:.2f} s per pair on average",
         *dataset.notes,
-        *scores.warnings,
     )
 
 

@@ -40,6 +40,12 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     strong: frozenset[int] = frozenset()
 
+    @property
+    def numeric(self) -> frozenset[int]:
+        """Numbers of the columns that hold nothing but numbers."""
+        columns = enumerate(zip(*self.rows, strict=True))
+        return frozenset(at for at, cells in columns if all(map(_is_number, filter(None, cells))))
+
     def to_text(self) -> str:
         """Write for a terminal: aligned columns, a mark at our rows."""
         marked = [

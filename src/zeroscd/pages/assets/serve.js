@@ -258,19 +258,6 @@
     });
   }
 
-  // The viewer has highlighted a region: tell assistive technology, and bring it into sight.
-  document.addEventListener("click", (event) => {
-    const row = event.target.closest(".regions tr[data-region]");
-    for (const other of document.querySelectorAll(".regions tr[data-region]")) {
-      const isPicked = other.classList.contains("picked");
-      other.querySelector("button").setAttribute("aria-pressed", String(isPicked));
-    }
-    if (row?.classList.contains("picked")) {
-      const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
-      row.closest("[data-viewer-scope]").querySelector("[data-stage]").scrollIntoView({ block: "nearest", behavior: calm ? "auto" : "smooth" });
-    }
-  });
-
   // Whoever leaves frees the server's worker.
   window.addEventListener("pagehide", () => (current?.running || upload) && forget());
 }
