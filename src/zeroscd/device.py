@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Literal, get_args
+from functools import lru_cache
+from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 
 from zeroscd.errors import SettingsError
 from zeroscd.text import unknown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
+    from threadpoolctl import ThreadpoolController
+
+ItemT = TypeVar("ItemT")
+ResultT = TypeVar("ResultT")
 Device = Literal["auto", "cpu", "cuda", "mps"]  # mps: Apple's; nobody here has run it
 DEVICES: tuple[Device, ...] = get_args(Device)
 
@@ -79,3 +85,44 @@ def threads(count: int) -> Iterator[None]:
     finally:
         torch.set_num_threads(before[0])
         cv2.setNumThreads(before[1])
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let each step of a network that this Python thread computes use one thread inside.
+
+    Threads that share a step wait for the last of them, step by step; where other programs keep the
+    cores busy, each wait may take a time slice (docs/lite.md). And a step on one thread gives the
+    same bits on every number of cores.
+    """
+    import torch  # noqa: PLC0415 - as above
+
+    torch.get_num_threads()  # torch's own start of a thread, which would undo what follows
+    with _controller().limit(limits=1, user_api="openmp"):
+        yield
+
+
+def side_by_side(function: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> list[ResultT]:
+    """Compute items at the same time, each on one thread; return the results in order.
+
+    As many at once as `thread_count` says; with one, they are computed one after the other in the
+    thread that called. Either way, the results are the same to the last bit.
+    """
+
+    def alone(item: ItemT) -> ResultT:
+        with one_thread():
+            return function(item)
+
+    workers = min(thread_count(), len(items))
+    if workers <= 1:
+        return [alone(item) for item in items]
+    with ThreadPoolExecutor(workers, thread_name_prefix="side") as pool:
+        return list(pool.map(alone, items))
+
+
+@lru_cache(maxsize=1)
+def _controller() -> ThreadpoolController:
+    """Find the thread pools of the process, once, as that takes 20 ms; torch must be loaded."""
+    from threadpoolctl import ThreadpoolController  # noqa: PLC0415 - as above
+
+    return ThreadpoolController()

@@ -10,6 +10,7 @@ from zeroscd.alignment.align import matching_level
 from zeroscd.alignment.matching import match
 from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
 from zeroscd.change.fusion import to_photo
+from zeroscd.device import side_by_side
 from zeroscd.judge.cues import JudgedSide, measure
 from zeroscd.judge.ground import verified_ground, verified_share
 from zeroscd.judge.sight import count_views
@@ -27,6 +28,7 @@ from zeroscd.refine.shapes import close_gaps, drop_thin, remove_small_components
 from zeroscd.refine.strength import keep_strong
 from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
+from zeroscd.segmenters.port import OneThreadProposals
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask
@@ -76,6 +78,7 @@ def coarse_changes(
 
 def all_segments(pair: Pair) -> tuple[Segments, Segments]:
     """Ask for every segment of both photos (paper, step 5)."""
+    _prepare_proposals(pair)
     return pair.photo_t0.proposals.segments(None), pair.photo_t1.proposals.segments(None)
 
 
@@ -83,10 +86,18 @@ def segments_around(
     pair: Pair, coarse: tuple[CoarseChange, CoarseChange]
 ) -> tuple[Segments, Segments]:
     """Return the segments at coarse change: nearly all that can be flagged (docs/models.md)."""
+    _prepare_proposals(pair)
     return (
         pair.photo_t0.proposals.segments(coarse[0].changed),
         pair.photo_t1.proposals.segments(coarse[1].changed),
     )
+
+
+def _prepare_proposals(pair: Pair) -> None:
+    """Prepare the segments of both photos at the same time, where that is sound."""
+    both = (pair.photo_t0.proposals, pair.photo_t1.proposals)
+    lone = [one for one in both if isinstance(one, OneThreadProposals)]
+    side_by_side(lambda one: one.prepare(), lone)
 
 
 def removed_and_added(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from zeroscd.device import side_by_side
 from zeroscd.encoders.efficientnet import Trunk
 from zeroscd.errors import WeightsError
 from zeroscd.images.denoise import denoise
@@ -59,9 +60,17 @@ class LiteEncoder:
     def encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
         """Return each photo's maps at strides 32, 32, 16, 8 and 4 working pixels.
 
+        On the processor each photo is encoded on one thread, several at the same time: its
+        descriptors depend neither on the number of cores nor on the photos beside it.
+
         Args:
-            photos: (H, W, 3) uint8 RGB; photos of one size share a batch.
+            photos: (H, W, 3) uint8 RGB; on a graphics card, photos of one size share a batch.
         """
+        if self._device == "cpu":
+            return side_by_side(lambda photo: self._encode([photo])[0], photos)
+        return self._encode(photos)
+
+    def _encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
         sizes = [
             working_size(p.shape[:2], side_px=self.side_px, multiple=COARSEST_STRIDE_PX)
             for p in photos

@@ -15,6 +15,7 @@ from safetensors.torch import load as load_safetensors
 from torch import nn
 from torch.nn import functional
 
+from zeroscd.device import one_thread
 from zeroscd.errors import WeightsError
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def levels_of(maps: Sequence[FeatureMap]) -> list[torch.Tensor]:
 
 def boundary_map(head: BoundaryHead, working: Rgb, maps: Sequence[FeatureMap]) -> Map:
     """Return how likely a person would draw a boundary there, 0..1, (H / 2, W / 2)."""
-    with torch.inference_mode():
+    with torch.inference_mode(), one_thread():
         logits = head(normalise(working), levels_of(maps))
         return torch.sigmoid(logits)[0, 0].numpy()
 

@@ -69,6 +69,10 @@ class LiteProposals:
         tree = self._tree
         return 0 if tree is None else tree.leaf_of.nbytes + tree.first.nbytes + tree.last.nbytes
 
+    def prepare(self) -> None:
+        """Build the tree, if it is not there yet."""
+        self._hierarchy()
+
     def segments(self, roi: Mask | None) -> Segments:
         """Return all nodes of the tree that touch the region of interest, leaves first.
 

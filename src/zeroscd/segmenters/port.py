@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask, Rgb
@@ -27,6 +27,15 @@ class MaskProposals(Protocol):
         Args:
             roi: (H, W) region of interest, which the segments must reach; None = the whole photo.
         """
+        ...
+
+
+@runtime_checkable
+class OneThreadProposals(MaskProposals, Protocol):
+    """Proposals that take one core and little memory: several photos may be prepared at once."""
+
+    def prepare(self) -> None:
+        """Do now what does not depend on the region of interest."""
         ...
 
 
