@@ -22,8 +22,8 @@ ModuleT = TypeVar("ModuleT", bound=nn.Module)
 BATCH_NORM_EPS = 1e-3  # as the checkpoint was trained
 STEM_CHANNELS = 32
 # The allocator returns larger arrays to the system and pages them in again at each step: in strips
-# below this size, the widest blocks take a third of the time (docs/lite.md).
-STRIP_BYTES = 8 * 2**20
+# below this size, the widest blocks take a third of the time (docs/lite-record.md).
+STRIP_BYTES = 4 * 2**20
 CLASSIFIER_PREFIXES = ("_conv_head.", "_bn1.", "_fc.")  # after the trunk: not needed for patches
 
 
@@ -89,7 +89,8 @@ class Block(nn.Module):
             below = (min(start + step, rows_out) - 1) * stride - margin + kernel
             expanded = self._expand(photo[:, :, max(above, 0) : below])
             # The depthwise convolution pads by zero; expanding a zero would not give zero.
-            expanded = functional.pad(expanded, (0, 0, max(-above, 0), max(below - height, 0)))
+            if above < 0 or below > height:  # padding by nothing would copy
+                expanded = functional.pad(expanded, (0, 0, max(-above, 0), max(below - height, 0)))
             convolved = functional.conv2d(
                 expanded, conv.weight, conv.bias, conv.stride, (0, margin), groups=conv.groups
             )
