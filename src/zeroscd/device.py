@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import lru_cache
+from threading import Barrier, Lock
 from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 
 from zeroscd.errors import SettingsError
@@ -13,11 +13,10 @@ from zeroscd.text import unknown
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from threadpoolctl import ThreadpoolController
-
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
 Device = Literal["auto", "cpu", "cuda", "mps"]  # mps: Apple's; nobody here has run it
+_STARTING = Lock()  # one after the other change what new threads begin with
 DEVICES: tuple[Device, ...] = get_args(Device)
 
 
@@ -87,42 +86,43 @@ def threads(count: int) -> Iterator[None]:
         cv2.setNumThreads(before[1])
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Let each step of a network that this Python thread computes use one thread inside.
-
-    Threads that share a step wait for the last of them, step by step; where other programs keep the
-    cores busy, each wait may take a time slice (docs/lite.md). And a step on one thread gives the
-    same bits on every number of cores.
-    """
-    import torch  # noqa: PLC0415 - as above
-
-    torch.get_num_threads()  # torch's own start of a thread, which would undo what follows
-    with _controller().limit(limits=1, user_api="openmp"):
-        yield
-
-
 def side_by_side(function: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> list[ResultT]:
     """Compute items at the same time, each on one thread; return the results in order.
 
-    As many at once as `thread_count` says; with one, they are computed one after the other in the
-    thread that called. Either way, the results are the same to the last bit.
+    As many at once as `thread_count` says. Threads that share the steps of a network wait for each
+    other at every step; where other programs keep the cores busy, each wait may take a time slice
+    (docs/lite-record.md). And what one thread computes has the same bits on any number of cores.
     """
-
-    def alone(item: ItemT) -> ResultT:
-        with one_thread():
-            return function(item)
-
-    workers = min(thread_count(), len(items))
-    if workers <= 1:
-        return [alone(item) for item in items]
-    with ThreadPoolExecutor(workers, thread_name_prefix="side") as pool:
-        return list(pool.map(alone, items))
+    if thread_count() == 1:
+        return [function(item) for item in items]
+    if not items:
+        return []
+    with _lone_threads(min(thread_count(), len(items))) as pool:
+        return list(pool.map(function, items))
 
 
-@lru_cache(maxsize=1)
-def _controller() -> ThreadpoolController:
-    """Find the thread pools of the process, once, as that takes 20 ms; torch must be loaded."""
-    from threadpoolctl import ThreadpoolController  # noqa: PLC0415 - as above
+@contextmanager
+def _lone_threads(count: int) -> Iterator[ThreadPoolExecutor]:
+    """Start threads in which each step of the networks uses one thread inside."""
+    import torch  # noqa: PLC0415 - as above
 
-    return ThreadpoolController()
+    started = Barrier(count + 1)
+
+    def start() -> None:
+        torch.get_num_threads()  # torch's own start in a thread, which would undo the next line
+        torch.set_num_threads(1)
+        started.wait()
+
+    pool = ThreadPoolExecutor(count, thread_name_prefix="lone")
+    with pool:
+        with _STARTING:
+            try:
+                for _ in range(count):
+                    pool.submit(start)
+            except RuntimeError:  # the system gives no more threads: those that wait go home
+                started.abort()
+                raise
+            started.wait()
+            # What was set last is also what threads begin with that others start from now on.
+            torch.set_num_threads(torch.get_num_threads())
+        yield pool

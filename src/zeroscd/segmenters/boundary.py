@@ -15,7 +15,6 @@ from safetensors.torch import load as load_safetensors
 from torch import nn
 from torch.nn import functional
 
-from zeroscd.device import one_thread
 from zeroscd.errors import WeightsError
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ class BoundaryHead(nn.Module):
         return torch.cat([self._band(x, photo, top) for top in range(0, rows, BAND_ROWS)], dim=2)
 
     def _band(self, finest: torch.Tensor, photo: torch.Tensor, top: int) -> torch.Tensor:
-        """Logits of BAND_ROWS rows; the same as when computed whole, to the last bit."""
+        """Logits of BAND_ROWS rows: those of the whole photo, to rounding."""
         rows = photo.shape[2] // STRIDE_PX
         below = min(top + BAND_ROWS, rows)
         first, last = max(top - HALO_ROWS, 0), min(below + HALO_ROWS, rows)
@@ -105,7 +104,7 @@ def levels_of(maps: Sequence[FeatureMap]) -> list[torch.Tensor]:
 
 def boundary_map(head: BoundaryHead, working: Rgb, maps: Sequence[FeatureMap]) -> Map:
     """Return how likely a person would draw a boundary there, 0..1, (H / 2, W / 2)."""
-    with torch.inference_mode(), one_thread():
+    with torch.inference_mode():
         logits = head(normalise(working), levels_of(maps))
         return torch.sigmoid(logits)[0, 0].numpy()
 

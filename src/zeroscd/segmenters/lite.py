@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from zeroscd.device import side_by_side
 from zeroscd.images.resizing import resize
 from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.boundary import (
@@ -90,7 +91,7 @@ class LiteProposals:
     def _hierarchy(self) -> Hierarchy:
         with self._lock:
             if self._tree is None:
-                self._tree = self._build()
+                (self._tree,) = side_by_side(LiteProposals._build, [self])
             return self._tree
 
     def _build(self) -> Hierarchy:
