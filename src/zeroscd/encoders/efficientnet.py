@@ -72,10 +72,14 @@ class Block(nn.Module):
         """
         row_bytes = self._depthwise_conv.out_channels * x.shape[3] * x.element_size()
         if len(x) * x.shape[2] * row_bytes <= STRIP_BYTES:
-            out = self._project(self._depthwise_conv(self._expand(x)))
-        else:
-            rows = STRIP_BYTES // row_bytes
-            out = torch.cat([self._in_strips(photo, rows=rows) for photo in torch.split(x, 1)])
+            return self.whole(x)
+        rows = STRIP_BYTES // row_bytes
+        out = torch.cat([self._in_strips(photo, rows=rows) for photo in torch.split(x, 1)])
+        return x + out if self.adds_input else out
+
+    def whole(self, x: torch.Tensor) -> torch.Tensor:
+        """Do the same as `forward`, without strips."""
+        out = self._project(self._depthwise_conv(self._expand(x)))
         return x + out if self.adds_input else out
 
     def _in_strips(self, photo: torch.Tensor, *, rows: int) -> torch.Tensor:
@@ -136,19 +140,22 @@ class Trunk(nn.Module):
                 inputs = stage.channels
         self._blocks = nn.ModuleList(blocks)
 
-    def forward(self, x: torch.Tensor, taps: Sequence[int]) -> list[torch.Tensor]:
+    def forward(
+        self, x: torch.Tensor, taps: Sequence[int], *, whole: bool = False
+    ) -> list[torch.Tensor]:
         """Return the outputs of some blocks; -1 stands for the stem.
 
         Args:
             x: (B, 3, H, W), already normalised.
             taps: Block numbers in rising order; nothing after the last is computed.
+            whole: Whether blocks are computed without strips, whose number follows the size.
         """
         found: list[torch.Tensor] = []
         x = functional.relu6(self._bn0(self._conv_stem(x)), inplace=True)
         if -1 in taps:
             found.append(x)
         for index, block in enumerate(self._blocks[: taps[-1] + 1]):
-            x = block(x)
+            x = block.whole(x) if whole else block(x)
             if index in taps:
                 found.append(x)
         return found

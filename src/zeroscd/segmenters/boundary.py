@@ -54,12 +54,20 @@ class BoundaryHead(nn.Module):
             photo: (B, 3, H, W) normalised, H and W multiples of 32.
             levels: (B, channels, H / stride, W / stride) descriptors in the order of LEVELS.
         """
+        x = self._merged(levels)
+        rows = photo.shape[2] // STRIDE_PX
+        return torch.cat([self._band(x, photo, top) for top in range(0, rows, BAND_ROWS)], dim=2)
+
+    def whole(self, photo: torch.Tensor, levels: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Do the same as `forward`, without bands."""
+        return self._finish(self._merged(levels), photo)
+
+    def _merged(self, levels: Sequence[torch.Tensor]) -> torch.Tensor:
         # Level by level: equal to upscaling each to stride 2 on its own, because the grids nest.
         x, *finer = [conv(level) for conv, level in zip(self.project, levels, strict=True)]
         for level in finer:
             x = level + upsample(x, level.shape[-2:])
-        rows = photo.shape[2] // STRIDE_PX
-        return torch.cat([self._band(x, photo, top) for top in range(0, rows, BAND_ROWS)], dim=2)
+        return x
 
     def _band(self, finest: torch.Tensor, photo: torch.Tensor, top: int) -> torch.Tensor:
         """Logits of BAND_ROWS rows: those of the whole photo, to rounding."""
