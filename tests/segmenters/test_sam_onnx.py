@@ -29,7 +29,7 @@ def test_both_halves_give_the_masks_that_the_segmenter_gets(
     make: Callable[[], Any] = request.getfixturevalue(f"build_{kind}")
     network = KINDS[kind](model=make().float())
     pixels = torch.randn(3, network.side_px, network.side_px, generator=torch.Generator())
-    points_xy = np.random.default_rng(4).uniform(0, network.side_px, (5, 2)).astype(np.float32)
+    points_xy = np.random.default_rng(4).uniform(0, network.side_px, (5, 2))
     square = (network.side_px, network.side_px)
     tokens = network._tokens(pixels)
     embedding = SamImageEmbedding(tokens=tokens, photo_hw=square, resized_hw=square)
@@ -41,7 +41,9 @@ def test_both_halves_give_the_masks_that_the_segmenter_gets(
     )
     names = [one.name for one in first.get_outputs()]
     found = dict(zip(names, first.run(None, {"pixels": pixels[None].numpy()}), strict=True))
-    masks, quality = second.run(["logits", "scores"], {"points": points_xy, **found})
+    masks, quality = second.run(
+        ["logits", "scores"], {"points": points_xy.astype(np.float32), **found}
+    )
     assert masks.shape == (5, 3, network.side_px // 4, network.side_px // 4)
     # Single precision, sums in another order, and a steep last layer: parts of the largest value.
     for one, other in ((masks, logits), (quality, scores)):

@@ -7,7 +7,7 @@ ReLU6. Names of the parts are those of the checkpoint's keys.
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 
 import torch
 from torch import nn
@@ -155,7 +155,7 @@ class Trunk(nn.Module):
         if -1 in taps:
             found.append(x)
         for index, block in enumerate(self._blocks[: taps[-1] + 1]):
-            x = block.whole(x) if whole else block(x)
+            x = cast("Block", block).whole(x) if whole else block(x)
             if index in taps:
                 found.append(x)
         return found

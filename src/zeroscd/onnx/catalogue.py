@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from zeroscd.encoders import dino
 from zeroscd.errors import SettingsError
-from zeroscd.models import load_encoder
 from zeroscd.onnx import lite, transformer
 from zeroscd.onnx import sam as halves
 from zeroscd.segmenters import sam
@@ -15,6 +14,7 @@ from zeroscd.text import unknown
 
 if TYPE_CHECKING:
     from zeroscd.onnx.network import OnnxNetwork
+    from zeroscd.segmenters.sam_network import Network
 
 LITE = "lite"
 ENCODERS = tuple(name for name in dino.FORMS if name.startswith("dinov2"))
@@ -58,8 +58,8 @@ def load(name: str, *, size_hw: tuple[int, int] | None = None) -> OnnxNetwork:
     if name == LITE:
         return lite.build()
     if name in ENCODERS:
-        encoder = load_encoder(Settings(encoder=name), device="cpu")
+        encoder = dino.load(Settings(encoder=name), "cpu")
         return transformer.build(encoder, size_hw=size_hw or TRAINED_SIZE_HW)
     segmenter, _, half = name.rpartition("-")
-    network = sam.load(Settings(segmenter=segmenter), "cpu").network
+    network = cast("Network", sam.load(Settings(segmenter=segmenter), "cpu").network)
     return halves.build_encoder(network) if half == "encoder" else halves.build_decoder(network)

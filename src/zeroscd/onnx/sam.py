@@ -38,11 +38,23 @@ class SamDecoder(nn.Module):
         super().__init__()
         self.model, self.encode_points = network.model, network.encode_points
 
-    def forward(self, points: Tensor, *embedding: Tensor) -> tuple[Tensor, ...]:
+    def forward(self, points: Tensor, embedding: Tensor) -> tuple[Tensor, ...]:
         """Predict (N, 3, h, w) logits and (N, 3) scores for (N, 2) points in input pixels."""
-        whole = list(embedding) if len(embedding) > 1 else embedding[0]
-        image = image_tokens(self.model, whole)
+        return self._decode(points, embedding)
+
+    def _decode(self, points: Tensor, embedding: Tensor | list[Tensor]) -> tuple[Tensor, ...]:
+        image = image_tokens(self.model, embedding)
         return decode(self.model.mask_decoder, image, self.encode_points(points))
+
+
+class Sam2Decoder(SamDecoder):
+    """The same from SAM 2's three embeddings."""
+
+    def forward(  # type: ignore[override]  # its inputs are others
+        self, points: Tensor, embedding_4: Tensor, embedding_8: Tensor, embedding_16: Tensor
+    ) -> tuple[Tensor, ...]:
+        """Predict as SAM does."""
+        return self._decode(points, [embedding_4, embedding_8, embedding_16])
 
 
 def build_encoder(network: Network) -> OnnxNetwork:
@@ -60,8 +72,9 @@ def build_decoder(network: Network) -> OnnxNetwork:
     with torch.no_grad():
         embedding = SamEncoder(network.model)(pixels)
     points = torch.full((EXAMPLE_POINTS, 2), network.side_px / 2.0)
+    decoder = SamDecoder if len(embedding) == 1 else Sam2Decoder
     return OnnxNetwork(
-        network=SamDecoder(network).eval(),
+        network=decoder(network).eval(),
         inputs={"points": points, **dict(zip(_names(len(embedding)), embedding, strict=True))},
         outputs=("logits", "scores"),
         free={"points": {0: 1}},

@@ -64,6 +64,7 @@ class BoundaryHead(nn.Module):
 
     def _merged(self, levels: Sequence[torch.Tensor]) -> torch.Tensor:
         # Level by level: equal to upscaling each to stride 2 on its own, because the grids nest.
+        x: torch.Tensor
         x, *finer = [conv(level) for conv, level in zip(self.project, levels, strict=True)]
         for level in finer:
             x = level + upsample(x, level.shape[-2:])

@@ -96,7 +96,7 @@ class Network:
     def encode_points(self, points_xy: PointsXy | Tensor) -> Tensor:
         """Encode points in the network's square input, (N, 2, dim): each point and its padding."""
         points = torch.as_tensor(points_xy).to(self.model.device, self.model.dtype)
-        labels = torch.ones(1, len(points), 1, dtype=torch.int, device=points.device)
+        labels = torch.ones(1, points.shape[0], 1, dtype=torch.int, device=points.device)
         encoded: Tensor = self.model.prompt_encoder(
             input_points=points[None, :, None],
             input_labels=labels,
