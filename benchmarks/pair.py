@@ -27,11 +27,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("name", nargs="?", default="lite")
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--busy", type=int, default=0, help="again beside N computing processes")
     options = parser.parse_args()
     plan = Plan(runs=options.runs)
     measurements = []
-    for size in SIZES:
-        measurements.append(measure(replace(plan, size_wh=parse_size(size))))
+    loads = [0, options.busy] if options.busy else [0]
+    for size, load in ((size, load) for size in SIZES for load in loads):
+        measurements.append(measure(replace(plan, size_wh=parse_size(size), busy=load)))
         print(table(measurements[-1]), flush=True)
     out = RESULTS / f"{options.name}.json"
     content = to_json(plan, measurements)

@@ -35,13 +35,13 @@ LAYERS = (
     ("retrieval", "one_call"),
     ("evaluation", "batch"),
     ("survey",),
-    ("serve", "bench", "model_check"),
+    ("serve", "bench", "model_check", "onnx"),
     ("cli",),
     ("__main__",),
 )
 LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}
 HOMES = {
-    "torch": {"encoders", "segmenters", "labels", "weights", "device", "bench"},
+    "torch": {"encoders", "segmenters", "labels", "weights", "device", "bench", "onnx"},
     "transformers": {"encoders", "segmenters", "labels", "weights"},
     "lancedb": {"retrieval"},
     "rich": {"cli"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from types import ModuleType, SimpleNamespace
 
@@ -119,6 +120,26 @@ def test_a_fresh_process_times_every_stage_of_the_method() -> None:
     assert found.import_seconds > 0.05  # torch was not there before
     assert found.peak_bytes is None or 50 * MEBIBYTE < found.peak_bytes < 4096 * MEBIBYTE
     assert Measurement.from_json(to_json(Plan(), [found])["pairs"][0]) == found
+
+
+def test_busy_processes_run_until_the_measuring_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(command: list[str]) -> subprocess.Popen[bytes]:
+        started.append(popen(command))
+        return started[-1]
+
+    popen = subprocess.Popen
+    monkeypatch.setattr(subprocess, "Popen", start)
+    with bench.spinning(2):
+        assert [process.poll() for process in started] == [None, None]
+    assert all(process.returncode for process in started)
+
+
+def test_a_busy_process_ends_when_the_one_that_started_it_is_gone() -> None:
+    orphaning = "from zeroscd import bench; bench.spinning(1).__enter__(); import os; os._exit(0)"
+    # The output ends only when nobody holds it open, so when the spinner has ended, too.
+    subprocess.run([sys.executable, "-c", orphaning], check=True, capture_output=True, timeout=60)
 
 
 def test_what_a_fresh_process_refuses_is_our_own_error() -> None:

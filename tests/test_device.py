@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import re
+import threading
 
 import pytest
 
-from zeroscd.device import DEVICES, pick_device, pick_precision
+from zeroscd.device import (
+    DEVICES,
+    pick_device,
+    pick_precision,
+    side_by_side,
+    thread_count,
+    threads,
+)
 from zeroscd.errors import SettingsError
 
 
@@ -55,3 +63,40 @@ def test_precision_follows_the_device_unless_someone_decides(
     assert pick_precision("auto", device="cuda") == "fp32"
     for device in DEVICES:
         assert pick_precision("bf16", device=device) == "bf16"
+
+
+def test_items_are_computed_at_the_same_time_on_one_thread_each() -> None:
+    meeting = threading.Barrier(3, timeout=60)
+
+    def meet(item: str) -> tuple[str, int]:
+        meeting.wait()  # breaks unless three are here at once
+        return item, thread_count()
+
+    with threads(3):
+        assert side_by_side(meet, "abc") == [("a", 1), ("b", 1), ("c", 1)]
+        assert thread_count() == 3
+
+
+def test_with_one_thread_items_are_computed_in_the_thread_that_called() -> None:
+    with threads(1):
+        found = side_by_side(lambda _: threading.get_ident(), range(3))
+    assert found == [threading.get_ident()] * 3
+    assert side_by_side(lambda item: item, ()) == []
+
+
+def test_other_threads_begin_with_all_cores_during_and_after() -> None:
+    def of_a_new_thread(_: object) -> int:
+        seen: list[int] = []
+        other = threading.Thread(target=lambda: seen.append(thread_count()))
+        other.start()
+        other.join()
+        return seen[0]
+
+    with threads(3):
+        assert side_by_side(of_a_new_thread, "ab") == [3, 3]
+        assert of_a_new_thread(None) == 3
+
+
+def test_the_first_failure_beside_others_is_raised() -> None:
+    with threads(2), pytest.raises(ZeroDivisionError):
+        side_by_side(lambda item: 1 // item, [1, 0, 2])

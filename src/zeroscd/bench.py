@@ -13,6 +13,7 @@ import statistics
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from zeroscd.errors import SettingsError, ZeroscdError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from zeroscd.arrays import Rgb
     from zeroscd.detector import Detector
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 SCHEMA = 1
 SMALLEST_PX, LARGEST_PX = 32, 8192  # sides of a photo that are worth timing
 KIBIBYTE = 1024
+# Ends by itself when the process that started it is gone.
+SPINNER = "import os, sys\nwhile os.getppid() == int(sys.argv[1]): pass"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +44,7 @@ class Plan:
         device: "auto", "cpu", "cuda" or "mps".
         size_wh: Width and height that the sample photos are brought to, in pixels.
         runs: Timed comparisons after the first one, which warms up and is told apart.
+        busy: Processes that keep a core busy each, beside the timed one.
     """
 
     preset: str = "lite"
@@ -48,6 +52,7 @@ class Plan:
     device: str = "auto"
     size_wh: tuple[int, int] = (512, 512)
     runs: int = 5
+    busy: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +88,7 @@ class Measurement:
     Attributes:
         size_wh: Width and height of both photos, in pixels.
         runs: Timed comparisons.
+        busy: Processes that kept a core busy each, meanwhile.
         import_seconds: Importing the package with everything that detection needs.
         load_seconds: Making the networks and reading their weights.
         first_seconds: The first comparison, which also warms up; not among the runs.
@@ -94,6 +100,7 @@ class Measurement:
 
     size_wh: tuple[int, int]
     runs: int
+    busy: int
     import_seconds: float
     load_seconds: float
     first_seconds: float
@@ -138,9 +145,10 @@ def measure(plan: Plan) -> Measurement:
         ZeroscdError: The preset, a setting, the device or the weights will not do.
     """
     command = [sys.executable, "-m", "zeroscd.bench", json.dumps(asdict(plan))]
-    done = subprocess.run(  # noqa: S603 - this very module
-        command, check=False, stdout=subprocess.PIPE, text=True
-    )
+    with spinning(plan.busy):
+        done = subprocess.run(  # noqa: S603 - this very module
+            command, check=False, stdout=subprocess.PIPE, text=True
+        )
     if done.returncode:
         message = (
             f"the timed process ended with code {done.returncode} at {plan.size_wh[0]} x "
@@ -151,6 +159,21 @@ def measure(plan: Plan) -> Measurement:
     if "error" in answer:
         raise ZeroscdError(answer["error"])
     return Measurement.from_json(answer)
+
+
+@contextmanager
+def spinning(count: int) -> Iterator[None]:
+    """Keep this many processes computing beside this one."""
+    command = [sys.executable, "-c", SPINNER, str(os.getpid())]
+    spinners: list[subprocess.Popen[bytes]] = []
+    try:
+        for _ in range(count):
+            spinners.append(subprocess.Popen(command))  # noqa: S603 - a loop of ours
+        yield
+    finally:
+        for spinner in spinners:
+            spinner.kill()
+            spinner.wait()
 
 
 def to_json(plan: Plan, measurements: Sequence[Measurement]) -> dict[str, Any]:
@@ -206,6 +229,7 @@ def measure_here(plan: Plan, *, clock: Callable[[], float] = time.perf_counter) 
     return Measurement(
         size_wh=plan.size_wh,
         runs=plan.runs,
+        busy=plan.busy,
         import_seconds=round(imported - began, 3),
         load_seconds=round(loaded - imported, 3),
         first_seconds=round(first["total"], 4),

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Literal, get_args
+from threading import Barrier, Lock
+from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 
 from zeroscd.errors import SettingsError
 from zeroscd.text import unknown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
+ItemT = TypeVar("ItemT")
+ResultT = TypeVar("ResultT")
 Device = Literal["auto", "cpu", "cuda", "mps"]  # mps: Apple's; nobody here has run it
+_STARTING = Lock()  # one after the other change what new threads begin with
 DEVICES: tuple[Device, ...] = get_args(Device)
 
 
@@ -79,3 +84,45 @@ def threads(count: int) -> Iterator[None]:
     finally:
         torch.set_num_threads(before[0])
         cv2.setNumThreads(before[1])
+
+
+def side_by_side(function: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> list[ResultT]:
+    """Compute items at the same time, each on one thread; return the results in order.
+
+    As many at once as `thread_count` says. Threads that share the steps of a network wait for each
+    other at every step; where other programs keep the cores busy, each wait may take a time slice
+    (docs/lite-record.md). And what one thread computes has the same bits on any number of cores.
+    """
+    if thread_count() == 1:
+        return [function(item) for item in items]
+    if not items:
+        return []
+    with _lone_threads(min(thread_count(), len(items))) as pool:
+        return list(pool.map(function, items))
+
+
+@contextmanager
+def _lone_threads(count: int) -> Iterator[ThreadPoolExecutor]:
+    """Start threads in which each step of the networks uses one thread inside."""
+    import torch  # noqa: PLC0415 - as above
+
+    started = Barrier(count + 1)
+
+    def start() -> None:
+        torch.get_num_threads()  # torch's own start in a thread, which would undo the next line
+        torch.set_num_threads(1)
+        started.wait()
+
+    pool = ThreadPoolExecutor(count, thread_name_prefix="lone")
+    with pool:
+        with _STARTING:
+            try:
+                for _ in range(count):
+                    pool.submit(start)
+            except RuntimeError:  # the system gives no more threads: those that wait go home
+                started.abort()
+                raise
+            started.wait()
+            # What was set last is also what threads begin with that others start from now on.
+            torch.set_num_threads(torch.get_num_threads())
+        yield pool

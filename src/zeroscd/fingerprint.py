@@ -31,6 +31,7 @@ PRESENTING = (
     "retrieval",
     "samples",
     "evaluation",
+    "onnx",
 )
 DECIDING = frozenset({".py", ".safetensors", ".json"})
 PACKAGES = (

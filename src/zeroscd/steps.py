@@ -11,6 +11,7 @@ from zeroscd.alignment.homography import homography_or_resize, invert
 from zeroscd.alignment.known import known_alignment
 from zeroscd.alignment.matching import match
 from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
+from zeroscd.device import side_by_side
 from zeroscd.evidence import Evidence, Pair
 from zeroscd.judge.ground import verified_ground
 from zeroscd.records import CoarseChange, NotAligned
@@ -19,6 +20,7 @@ from zeroscd.refine.shapes import close_gaps, drop_thin, remove_small_components
 from zeroscd.refine.strength import keep_strong
 from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import unite, vote
+from zeroscd.segmenters.port import OneThreadProposals
 
 if TYPE_CHECKING:
     from zeroscd.alignment.known import KnownGeometry
@@ -130,6 +132,7 @@ def coarse_changes(
 
 def all_segments(pair: Pair) -> tuple[Segments, Segments]:
     """Ask for every segment of both photos (paper, step 5)."""
+    _prepare_proposals(pair)
     return pair.photo_t0.proposals.segments(None), pair.photo_t1.proposals.segments(None)
 
 
@@ -137,10 +140,18 @@ def segments_around(
     pair: Pair, coarse: tuple[CoarseChange, CoarseChange]
 ) -> tuple[Segments, Segments]:
     """Return the segments at coarse change: nearly all that can be flagged (docs/models.md)."""
+    _prepare_proposals(pair)
     return (
         pair.photo_t0.proposals.segments(coarse[0].changed),
         pair.photo_t1.proposals.segments(coarse[1].changed),
     )
+
+
+def _prepare_proposals(pair: Pair) -> None:
+    """Prepare the segments of both photos at the same time, where that is sound."""
+    both = (pair.photo_t0.proposals, pair.photo_t1.proposals)
+    lone = [one for one in both if isinstance(one, OneThreadProposals)]
+    side_by_side(lambda one: one.prepare(), lone)
 
 
 def removed_and_added(

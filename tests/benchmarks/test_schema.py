@@ -72,6 +72,7 @@ def test_a_new_result_has_the_promised_form_and_every_key_is_described() -> None
     found = Measurement(
         size_wh=(512, 512),
         runs=5,
+        busy=0,
         import_seconds=1.0,
         load_seconds=0.5,
         first_seconds=1.0,

@@ -23,6 +23,7 @@ def plans(monkeypatch: pytest.MonkeyPatch) -> list[Plan]:
         return Measurement(
             size_wh=plan.size_wh,
             runs=plan.runs,
+            busy=plan.busy,
             import_seconds=1.25,
             load_seconds=0.5,
             first_seconds=1.75,
@@ -50,6 +51,23 @@ def test_bench_prints_every_stage_and_what_surrounds_it(
     ]
 
 
+def test_every_size_is_timed_again_beside_busy_processes(
+    plans: list[Plan], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["bench", "--size", "64x48", "--size", "96x64", "--busy", "3"]) == 0
+    assert [(plan.size_wh, plan.busy) for plan in plans] == [
+        ((64, 48), 0),
+        ((64, 48), 3),
+        ((96, 64), 0),
+        ((96, 64), 3),
+    ]
+    heads = [line for line in capsys.readouterr().out.splitlines() if "runs" in line]
+    assert heads[:2] == [
+        "64 x 48, median (least to most) of 5 runs",
+        "64 x 48, beside 3 busy processes, median (least to most) of 5 runs",
+    ]
+
+
 def test_bench_writes_one_entry_for_each_size(plans: list[Plan], tmp_path: Path) -> None:
     out = tmp_path / "new" / "bench.json"
     sizes = ["--size", "640x480", "--size", "1920x1080"]
@@ -63,7 +81,13 @@ def test_bench_writes_one_entry_for_each_size(plans: list[Plan], tmp_path: Path)
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--size", "big"], ["--preset", "nothing"], ["--set", "nothing=1"], ["--runs", "0"]],
+    [
+        ["--size", "big"],
+        ["--preset", "nothing"],
+        ["--set", "nothing=1"],
+        ["--runs", "0"],
+        ["--busy", "-1"],
+    ],
 )
 def test_what_cannot_be_measured_is_one_line_and_starts_nothing(
     arguments: list[str],

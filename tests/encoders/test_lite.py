@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from zeroscd.device import threads
 from zeroscd.encoders import lite
 from zeroscd.encoders.lite import STRIDES_PX, LiteEncoder, load
 from zeroscd.errors import WeightsError
@@ -91,8 +92,20 @@ def test_a_photo_is_described_the_same_alone_and_in_company(encoder: LiteEncoder
         together = encoder.encode(company)
         assert len(together) == len(company)
         for one, other in zip(alone, together[0], strict=True):
-            np.testing.assert_allclose(one.descriptors, other.descriptors, atol=1e-4)
+            np.testing.assert_array_equal(one.descriptors, other.descriptors)
             assert one.grid == other.grid
+
+
+def test_a_photo_is_described_the_same_on_any_number_of_threads(encoder: LiteEncoder) -> None:
+    photos = [photo(120, 160), photo(96, 200, seed=2)]
+    with threads(1):
+        expected = encoder.encode(photos)
+    for count in (2, 3):
+        with threads(count):
+            found = [*encoder.encode(photos), *encoder.encode(photos[:1])]
+        for maps, known in zip(found, [*expected, expected[0]], strict=True):
+            for one, other in zip(maps, known, strict=True):
+                np.testing.assert_array_equal(one.descriptors, other.descriptors)
 
 
 def test_equal_photos_get_equal_descriptors(encoder: LiteEncoder) -> None:

@@ -70,6 +70,19 @@ def test_the_rim_of_a_thing_is_a_likelier_border_than_its_inside() -> None:
     assert strengths[rim].mean() > 4 * strengths[inside].mean()
 
 
+@pytest.mark.parametrize("band_rows", [2, 6, 20])
+def test_bands_give_what_the_whole_photo_gives(
+    band_rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (*WORKING_HW, 3), dtype=np.uint8)
+    monkeypatch.setattr(boundary, "BAND_ROWS", WORKING_HW[0])
+    whole = boundary_map(load_head(), noise, feature_maps())
+    monkeypatch.setattr(boundary, "BAND_ROWS", band_rows)
+    banded = boundary_map(load_head(), noise, feature_maps())
+    # Single precision; a row without its neighbours would be off by hundredths.
+    np.testing.assert_allclose(banded, whole, atol=1e-6)
+
+
 def test_the_depths_are_found_by_name_not_by_order() -> None:
     maps = feature_maps()
     forth, back = levels_of(maps), levels_of(maps[::-1])

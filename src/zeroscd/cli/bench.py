@@ -25,6 +25,12 @@ def bench(
         ),
     ] = None,
     runs: Annotated[int, typer.Option(min=1, help="Timed comparisons after a warm-up.")] = 5,
+    busy_cores: Annotated[
+        int,
+        typer.Option(
+            "--busy", metavar="N", min=0, help="Time it again beside N processes that compute."
+        ),
+    ] = 0,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE.json", help="Also write JSON here.")
     ] = None,
@@ -45,9 +51,10 @@ def bench(
 
     plan = Plan(preset=preset, overrides=parse_overrides(settings), device=device, runs=runs)
     named(plan.preset).override(plan.overrides)
-    plans = [replace(plan, size_wh=parse_size(text)) for text in size or ["512x512"]]
+    sizes = [parse_size(text) for text in size or ["512x512"]]
+    loads = [0, busy_cores] if busy_cores else [0]
     measurements = []
-    for one in plans:
+    for one in (replace(plan, size_wh=wh, busy=load) for wh in sizes for load in loads):
         with busy(f"timing {one.size_wh[0]} x {one.size_wh[1]}"):
             measurements.append(measure(one))
         typer.echo(table(measurements[-1]))
@@ -60,8 +67,10 @@ def table(found: Measurement) -> str:
     """Lay a measurement out for a terminal: seconds of each stage, then what surrounds them."""
     rows = [*found.stages.items(), ("total", found.total)]
     width = max(len(name) for name, _ in rows)
+    beside = f", beside {found.busy} busy processes" if found.busy else ""
     lines = [
-        f"{found.size_wh[0]} x {found.size_wh[1]}, median (least to most) of {found.runs} runs"
+        f"{found.size_wh[0]} x {found.size_wh[1]}{beside}, "
+        f"median (least to most) of {found.runs} runs"
     ]
     for name, spread in rows:
         lines.append(

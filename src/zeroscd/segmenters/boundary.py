@@ -29,6 +29,10 @@ FINEST = "lite.1"
 LEVELS = {"lite.20": 352, "lite.14": 120, "lite.5": 48, FINEST: 24}  # source -> channels
 LEVEL_STRIDES_PX = {"lite.20": 32, "lite.14": 16, "lite.5": 8, FINEST: 4}
 WIDTH = 24
+# Whole arrays at stride 2 would be returned to the system after each step and paged in again at the
+# next, as in encoders/efficientnet.py. A band needs four rows more on each side: convolutions reach
+# three, and doubling begins at an even row.
+BAND_ROWS, HALO_ROWS = 84, 4
 PIXEL_MEAN, PIXEL_SCALE = 127.0, 128.0
 
 
@@ -50,11 +54,35 @@ class BoundaryHead(nn.Module):
             photo: (B, 3, H, W) normalised, H and W multiples of 32.
             levels: (B, channels, H / stride, W / stride) descriptors in the order of LEVELS.
         """
+        x = self._merged(levels)
+        rows = photo.shape[2] // STRIDE_PX
+        return torch.cat([self._band(x, photo, top) for top in range(0, rows, BAND_ROWS)], dim=2)
+
+    def whole(self, photo: torch.Tensor, levels: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Do the same as `forward`, without bands."""
+        return self._finish(self._merged(levels), photo)
+
+    def _merged(self, levels: Sequence[torch.Tensor]) -> torch.Tensor:
         # Level by level: equal to upscaling each to stride 2 on its own, because the grids nest.
-        projected = [conv(level) for conv, level in zip(self.project, levels, strict=True)]
-        x, *finer = [*projected, self.pixels(photo)]
+        x: torch.Tensor
+        x, *finer = [conv(level) for conv, level in zip(self.project, levels, strict=True)]
         for level in finer:
             x = level + upsample(x, level.shape[-2:])
+        return x
+
+    def _band(self, finest: torch.Tensor, photo: torch.Tensor, top: int) -> torch.Tensor:
+        """Logits of BAND_ROWS rows: those of the whole photo, to rounding."""
+        rows = photo.shape[2] // STRIDE_PX
+        below = min(top + BAND_ROWS, rows)
+        first, last = max(top - HALO_ROWS, 0), min(below + HALO_ROWS, rows)
+        logits = self._finish(
+            finest[:, :, first // 2 : last // 2], photo[:, :, first * STRIDE_PX : last * STRIDE_PX]
+        )
+        return logits[:, :, top - first : below - first]
+
+    def _finish(self, finest: torch.Tensor, photo: torch.Tensor) -> torch.Tensor:
+        pixels = self.pixels(photo)
+        x = pixels + upsample(finest, pixels.shape[-2:])
         x = functional.relu(self.mix(functional.relu(x)))
         x = functional.relu(self.residual(x)) + x
         logits: torch.Tensor = self.classify(x)

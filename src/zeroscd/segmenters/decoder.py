@@ -96,7 +96,7 @@ def decode(decoder: Any, image: ImageTokens, prompts: Tensor) -> tuple[Tensor, T
     """
     first = [decoder.obj_score_token.weight] if hasattr(decoder, "obj_score_token") else []
     own = torch.cat([*first, decoder.iou_token.weight, decoder.mask_tokens.weight])
-    tokens = torch.cat([own.expand(len(prompts), -1, -1), prompts], dim=1)
+    tokens = torch.cat([own.expand(prompts.shape[0], -1, -1), prompts], dim=1)
     queries, pixels = two_way_attention(decoder.transformer, tokens, image)
     score_at = len(first)
     heads = decoder.output_hypernetworks_mlps

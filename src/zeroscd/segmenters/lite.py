@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from zeroscd.device import side_by_side
 from zeroscd.images.resizing import resize
 from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.boundary import (
@@ -88,6 +89,10 @@ class LiteProposals:
         tree = self._tree
         return 0 if tree is None else tree.leaf_of.nbytes + tree.first.nbytes + tree.last.nbytes
 
+    def prepare(self) -> None:
+        """Build the tree, if it is not there yet."""
+        self._hierarchy()
+
     def segments(self, roi: Mask | None) -> Segments:
         """Return all nodes of the tree that touch the region of interest, leaves first.
 
@@ -105,7 +110,7 @@ class LiteProposals:
     def _hierarchy(self) -> Hierarchy:
         with self._lock:
             if self._tree is None:
-                self._tree = self._build()
+                (self._tree,) = side_by_side(LiteProposals._build, [self])
             return self._tree
 
     def _build(self) -> Hierarchy:

@@ -47,6 +47,15 @@ class SizedSegmenter(Protocol):
         ...
 
 
+@runtime_checkable
+class OneThreadProposals(MaskProposals, Protocol):
+    """Proposals that take one core and little memory: several photos may be prepared at once."""
+
+    def prepare(self) -> None:
+        """Do now what does not depend on the region of interest."""
+        ...
+
+
 class Segmenter(Protocol):
     """Cuts a photo into class-agnostic segments that may overlap and nest."""
 

@@ -85,16 +85,18 @@ class Network:
         with self.computing():
             predictions = [
                 decode(self.model.mask_decoder, embedding.tokens, prompts)
-                for prompts in torch.split(self._prompts(points_xy * scale), self._points_per_pass)
+                for prompts in torch.split(
+                    self.encode_points(points_xy * scale), self._points_per_pass
+                )
             ]
         logits = torch.cat([prediction[0].flatten(0, 1) for prediction in predictions])
         scores = torch.cat([prediction[1].flatten() for prediction in predictions])
         return self._fp32(logits), self._fp32(scores)
 
-    def _prompts(self, points_xy: PointsXy) -> Tensor:
+    def encode_points(self, points_xy: PointsXy | Tensor) -> Tensor:
         """Encode points in the network's square input, (N, 2, dim): each point and its padding."""
         points = torch.as_tensor(points_xy).to(self.model.device, self.model.dtype)
-        labels = torch.ones(1, len(points), 1, dtype=torch.int, device=points.device)
+        labels = torch.ones(1, points.shape[0], 1, dtype=torch.int, device=points.device)
         encoded: Tensor = self.model.prompt_encoder(
             input_points=points[None, :, None],
             input_labels=labels,

@@ -1,0 +1,1 @@
+"""The networks as ONNX files, for programs that run them without torch (docs/onnx.md)."""
