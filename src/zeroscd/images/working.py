@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from zeroscd.images.masks import HALF_WHITE
 from zeroscd.images.photo import Photo
 from zeroscd.images.resizing import resize
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 # Larger photos are compared at this size: that of a 1920 x 1080 frame, finer than any network here
 # looks. A border is then off by half a pixel of it, 1.2 pixels of a photo of 12 megapixels.
 WORKING_PX = 1920 * 1080
-HALF = 0.5
 
 
 def working_photo(photo: Photo) -> Photo:
@@ -41,7 +41,11 @@ def enlarge_mask(mask: Mask, size_hw: tuple[int, int]) -> Mask:
     """Enlarge a mask with a smooth border; at the same size it is the same array."""
     if mask.shape == size_hw:
         return mask
-    return enlarge_map(mask.astype(np.float32), size_hw) > HALF
+    height, width = size_hw
+    white = mask.astype(np.uint8) * np.uint8(255)  # a quarter of the memory of `enlarge_map`
+    return np.asarray(
+        cv2.resize(white, (width, height), interpolation=cv2.INTER_LINEAR) > HALF_WHITE
+    )
 
 
 def shrink_mask(mask: Mask, size_hw: tuple[int, int]) -> Mask:
