@@ -51,16 +51,19 @@ def paint_changes(photo: Rgb, view: CommonFrame) -> Rgb:
 
 def hatched(photo: Rgb, mask: Mask) -> Rgb:
     """Return a copy of a photo with diagonal lines over a mask."""
-    lines = hatching(mask)[..., None]
-    return np.where(lines, np.array(UNKNOWN_RGB, np.uint8), _tinted(photo, mask, UNKNOWN_RGB))
+    result = _tinted(photo, mask, UNKNOWN_RGB)
+    result[hatching(mask)] = UNKNOWN_RGB
+    return result
 
 
 def hatching(mask: Mask) -> Mask:
     """Return the pixels of diagonal lines inside a mask."""
     step = max(6, round(max(mask.shape) * HATCH_STEP))
-    rows, columns = np.ogrid[: mask.shape[0], : mask.shape[1]]
-    on_a_line = (rows + columns) % step < max(1, step // 12)
-    return np.asarray(mask & on_a_line, np.bool_)
+    height, width = mask.shape
+    on_a_line = np.arange(height + width) % step < max(1, step // 12)
+    # Each row is the one above, moved by a pixel: a number for each pixel would take seconds.
+    lines = np.lib.stride_tricks.sliding_window_view(on_a_line[: height + width - 1], width)
+    return np.asarray(mask & lines, np.bool_)
 
 
 def hatch_layer(mask: Mask) -> NDArray[np.uint8]:
@@ -71,10 +74,9 @@ def hatch_layer(mask: Mask) -> NDArray[np.uint8]:
 
 
 def _tinted(photo: Rgb, mask: Mask, colour: tuple[int, int, int]) -> Rgb:
-    blend = photo[mask] * (1 - TINT) + np.array(colour) * TINT
-    result = photo.copy()
-    result[mask] = blend.round().astype(np.uint8)
-    return result
+    levels = np.arange(256)[:, None] * (1 - TINT) + np.array(colour) * TINT
+    tinted = cv2.LUT(photo, levels.round().astype(np.uint8)[None])
+    return np.asarray(cv2.copyTo(tinted, mask.view(np.uint8), photo.copy()))
 
 
 def _outlined(photo: Rgb, mask: Mask, colour: tuple[int, int, int]) -> Rgb:
