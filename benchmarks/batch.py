@@ -4,8 +4,8 @@
 
 PHOTOS has t0/ and t1/ with equal names. WORK gets pairs made from them and all outputs. Every step
 runs `zeroscd batch` in fresh processes and writes its part of benchmarks/results/batch/NAME.json;
-benchmarks/README.md describes the file. Steps: engines, scaling, overhead, memory, kills, actor,
-hostile; all if none is named.
+benchmarks/README.md describes the file. Steps: engines, scaling, large, overhead, memory, kills,
+actor, hostile; all if none is named.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ SHARED_BY = 4  # pairs that have their photo before in common
 GAIN, NOISE = 0.2, 4.0  # of the perturbed photo after: +- share of light, grey levels
 ALONE = {**os.environ, "OMP_NUM_THREADS": "1"}
 REAL_PAIRS = 30  # at the photos' own size
+LARGE_PAIRS, LARGE_WH = 60, (4000, 3000)  # of 12 megapixels, as telephones take them
 ENGINES = ("local", "ray")
 KILLS, KILL_PAIRS, SEED = 10, 1000, 7
 MAX_MORE, MAX_DELAY_S = 60, 1.0  # a kill comes after so many more pairs, and so long after that
@@ -138,10 +139,10 @@ class Bench:
             rows.append((before, after, f"{number:05}"))
         return write_manifest(folder / f"{count}.csv", rows)
 
-    def real_pairs(self) -> list[tuple[str, str]]:
+    def real_pairs(self, count: int = REAL_PAIRS) -> list[tuple[str, str]]:
         """Return pairs at their own size, the list repeated if it is too short."""
         names = sorted(path.name for path in (self.photos / "t0").iterdir())
-        chosen = itertools.islice(itertools.cycle(names), REAL_PAIRS)
+        chosen = itertools.islice(itertools.cycle(names), count)
         return [(str(self.photos / "t0" / n), str(self.photos / "t1" / n)) for n in chosen]
 
     def fresh(self, name: str) -> Path:
@@ -155,9 +156,14 @@ class Bench:
 
 def small(path: Path) -> np.ndarray:
     """Read a photo at the small size."""
+    return np.asarray(cv2.resize(read(path), SMALL_WH, interpolation=cv2.INTER_AREA))
+
+
+def read(path: str | Path) -> np.ndarray:
+    """Read a photo."""
     pixels = cv2.imread(str(path))
     assert pixels is not None, path  # noqa: S101 - the script's own input
-    return np.asarray(cv2.resize(pixels, SMALL_WH, interpolation=cv2.INTER_AREA))
+    return np.asarray(pixels)
 
 
 def perturbed(pixels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -254,6 +260,33 @@ def scaling(bench: Bench) -> dict[str, Any]:
             "median_pair_s": median_seconds(out),
         }
     return found
+
+
+def large(bench: Bench) -> dict[str, Any]:
+    """Compare photos as telephones take them: pairs per second, and peak memory."""
+    folder = bench.work / "large"
+    rows = []
+    for number, (before, after) in enumerate(bench.real_pairs(LARGE_PAIRS)):
+        paths = []
+        for path in (before, after):
+            enlarged = folder / f"{number:03}-{Path(path).parent.name}.jpg"
+            if not enlarged.exists():
+                folder.mkdir(parents=True, exist_ok=True)
+                pixels = cv2.resize(read(path), LARGE_WH, interpolation=cv2.INTER_CUBIC)
+                cv2.imwrite(str(enlarged), perturbed(pixels, np.random.default_rng(number)))
+            paths.append(enlarged)
+        rows.append((*paths, f"{number:03}"))
+    out = bench.fresh("large")
+    done = batch(write_manifest(bench.work / "large.csv", rows), "-o", out, "--device", "cpu")
+    return {
+        "pairs": len(rows),
+        "size_wh": LARGE_WH,
+        "wall_s": done.wall_s,
+        "pairs_per_second": round(len(rows) / done.wall_s, 3),
+        "cpu_s_per_pair": round(done.cpu_s / len(rows), 3),
+        "peak_bytes": done.peak_bytes,
+        **count_rows(out),
+    }
 
 
 def overhead(bench: Bench) -> dict[str, Any]:
@@ -523,6 +556,7 @@ def powers_of_two(most: int) -> list[int]:
 STEPS = {
     "engines": engines,
     "scaling": scaling,
+    "large": large,
     "overhead": overhead,
     "memory": memory,
     "kills": kills,

@@ -1,4 +1,4 @@
-"""Seconds for each stage of one pair at two sizes, and peak memory, as JSON with machine facts.
+"""Seconds for each stage of one pair at three sizes, and peak memory, as JSON with machine facts.
 
     python benchmarks/pair.py [NAME] [--runs 5]        # writes benchmarks/results/NAME.json
 
@@ -19,7 +19,7 @@ from zeroscd.output import write_json
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
-SIZES = ("512x512", "1920x1080")
+SIZES = ("512x512", "1920x1080", "4000x3000")
 
 
 def main() -> None:
