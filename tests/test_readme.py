@@ -70,6 +70,13 @@ def test_every_link_inside_the_project_leads_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), f"{page.name} points to {target}"
 
 
+def test_every_page_of_the_docs_has_its_place_in_the_site() -> None:
+    nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
+    listed = re.findall(r": (\S+\.md)$", nav, re.MULTILINE)
+    assert {path.name for path in ROOT.glob("docs/*.md")} <= set(listed)
+    assert len(listed) == len(set(listed))
+
+
 def test_what_is_published_nowhere_is_installed_from_the_clone() -> None:
     for page in PAGES:
         named = re.findall(r"pip install (?:-\S+ )*'?zeroscd", page.read_text(encoding="utf-8"))
