@@ -20,7 +20,7 @@ def installed() -> list[PackagePath]:
     except PackageNotFoundError:
         files = []
     package = [file for file in files if file.as_posix() == "zeroscd/__init__.py"]
-    if not package or package[0].locate().resolve() != Path(zeroscd.__file__).resolve():
+    if not package or Path(str(package[0].locate())).resolve() != Path(zeroscd.__file__).resolve():
         pytest.skip("zeroscd is not installed from a wheel here, as .ci/run does it")
     return files
 
