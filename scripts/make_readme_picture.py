@@ -1,8 +1,8 @@
-"""Draw the README's picture: the demo pair before, after, and what the lite preset found.
+"""Draw the pictures of the README and the docs: two pairs, and what the lite preset found in them.
 
-    python scripts/make_readme_picture.py        # writes docs/images/demo.png
+    python scripts/make_readme_picture.py        # writes docs/images/street.jpg and demo.jpg
 
-Run it again whenever the method has changed.
+Run it again whenever the method or the overlay has changed.
 """
 
 from __future__ import annotations
@@ -18,43 +18,52 @@ from zeroscd.export.overlay import INK_RGB, PAPER_RGB, draw_overlay
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Rgb
+    from zeroscd.result import ChangeResult
 
-OUT = Path(__file__).parents[1] / "docs" / "images" / "demo.png"
-PANEL_WIDTH_PX = 440
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+WIDTH_PX = 1340
 GAP_PX = 10
 TITLE_PX = 26
-COLOURS, PALETTE_PASSES = 256, 4  # a palette: half of the bytes, hardly a visible loss
+QUALITY = 88
 
 
 def main() -> None:
+    street = zeroscd.detect(IMAGES / "street_before.jpg", IMAGES / "street_after.jpg")
+    found = {"before": street.before.pixels, "after, and what zeroscd found": draw_overlay(street)}
+    write("street.jpg", found)
+    demo = detect_in_samples()
+    panels = {"before": demo.before.pixels, "after": demo.after.pixels}
+    write("demo.jpg", panels | {"zeroscd demo": draw_overlay(demo)})
+
+
+def detect_in_samples() -> ChangeResult:
     samples = files("zeroscd") / "samples"
-    result = zeroscd.detect(
-        (samples / "before.jpg").read_bytes(), (samples / "after.jpg").read_bytes()
-    )
-    panels = {
-        "before": result.before.pixels,
-        "after": result.after.pixels,
-        "zeroscd demo": draw_overlay(result),
-    }
-    picture = beside_each_other({name: scaled(pixels) for name, pixels in panels.items()})
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    picture.quantize(COLOURS, kmeans=PALETTE_PASSES).save(OUT, optimize=True)
-    print(f"wrote {OUT.name}, {picture.width} x {picture.height}, {OUT.stat().st_size} bytes")
+    before, after = ((samples / name).read_bytes() for name in ("before.jpg", "after.jpg"))
+    return zeroscd.detect(before, after)
 
 
-def scaled(pixels: Rgb) -> Image.Image:
+def write(name: str, panels: dict[str, Rgb]) -> None:
+    width_px = (WIDTH_PX + GAP_PX) // len(panels) - GAP_PX
+    scaled = {title: scale(pixels, width_px) for title, pixels in panels.items()}
+    picture = beside_each_other(scaled, width_px)
+    picture.save(IMAGES / name, quality=QUALITY, subsampling="4:4:4", optimize=True)
+    size = (IMAGES / name).stat().st_size
+    print(f"wrote {name}, {picture.width} x {picture.height}, {size} bytes")
+
+
+def scale(pixels: Rgb, width_px: int) -> Image.Image:
     photo = Image.fromarray(pixels)
-    height = round(photo.height * PANEL_WIDTH_PX / photo.width)
-    return photo.resize((PANEL_WIDTH_PX, height), Image.Resampling.LANCZOS)
+    height = round(photo.height * width_px / photo.width)
+    return photo.resize((width_px, height), Image.Resampling.LANCZOS)
 
 
-def beside_each_other(panels: dict[str, Image.Image]) -> Image.Image:
-    width = len(panels) * (PANEL_WIDTH_PX + GAP_PX) - GAP_PX
+def beside_each_other(panels: dict[str, Image.Image], width_px: int) -> Image.Image:
+    width = len(panels) * (width_px + GAP_PX) - GAP_PX
     height = TITLE_PX + max(panel.height for panel in panels.values())
     picture = Image.new("RGB", (width, height), PAPER_RGB)
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(TITLE_PX * 0.6)
     for number, (name, panel) in enumerate(panels.items()):
-        left = number * (PANEL_WIDTH_PX + GAP_PX)
+        left = number * (width_px + GAP_PX)
         draw.text((left + 2, TITLE_PX / 2), name, INK_RGB, font, anchor="lm")
         picture.paste(panel, (left, TITLE_PX))
     return picture

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
 import typer
 
+import zeroscd
 from zeroscd.cli.main import app
 from zeroscd.settings import PRESETS, leaf_names
 
@@ -70,10 +72,26 @@ def test_every_link_inside_the_project_leads_somewhere(page: Path) -> None:
             assert (page.parent / target).exists(), f"{page.name} points to {target}"
 
 
+def test_every_page_of_the_docs_has_its_place_in_the_site() -> None:
+    nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
+    listed = re.findall(r": (\S+\.md)$", nav, re.MULTILINE)
+    assert {path.name for path in ROOT.glob("docs/*.md")} <= set(listed)
+    assert len(listed) == len(set(listed))
+
+
 def test_what_is_published_nowhere_is_installed_from_the_clone() -> None:
     for page in PAGES:
         named = re.findall(r"pip install (?:-\S+ )*'?zeroscd", page.read_text(encoding="utf-8"))
         assert named == [], page.name
+
+
+def test_the_version_is_the_same_wherever_it_is_written() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.findall(r"^version: (\S+)$", citation, re.MULTILINE) == [project["version"]]
+    assert zeroscd.__version__ == project["version"]
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"\n## {project['version']} - " in changes
 
 
 def test_the_readme_names_every_preset() -> None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from zeroscd.saved import SavedResult, load
     from zeroscd.settings import PRESETS, Settings
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "Alignment": "records",

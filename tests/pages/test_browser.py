@@ -52,7 +52,7 @@ def report() -> str:
         gradient="linear-gradient(red, blue)",
     )
     thumbs = {"before": picture("red"), "after": picture("blue")}
-    facts = {"score": 0.5, "area_px": 9, "seen_by": 1, "agreed_by": 1}
+    facts = {"score": 0.5, "area_px": 9, "seen_by": 1, "agreed_by": 1, "label": None}
     cards = [
         {
             "region": SimpleNamespace(id=one.id, kind=one.kind, **facts),
