@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from zeroscd.images.photo import Photo
-from zeroscd.records import Alignment, NotAligned, Region
+from zeroscd.records import Alignment, NotAligned, Region, Segment
+from zeroscd.refine.regions import encode_rle
 from zeroscd.result import ChangeResult
 from zeroscd.settings import Settings
 
@@ -90,3 +91,17 @@ def named(result: ChangeResult) -> Callable[[str], ChangeResult]:
         return replace(result, before=replace(result.before, path=path))
 
     return with_name
+
+
+@pytest.fixture
+def encoded(result: ChangeResult) -> ChangeResult:
+    """The hand-made result with true run lengths."""
+    masks = {"removed": result.removed, "added": result.added}
+    segments = {kind: Segment.from_mask(mask) for kind, mask in masks.items()}
+    regions = tuple(
+        replace(r, rle=encode_rle(segment, masks[r.kind].shape))
+        for r in result.regions
+        if (segment := segments[r.kind]) is not None
+    )
+    assert len(regions) == len(result.regions)
+    return replace(result, regions=regions)

@@ -5,32 +5,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pytest
 from pycocotools import mask as coco_mask
 from pycocotools.coco import COCO
 
 from zeroscd.export.coco import coco, coco_json, marked_photos
-from zeroscd.records import Segment
-from zeroscd.refine.regions import encode_rle
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import pytest
+
     from zeroscd.result import ChangeResult
-
-
-@pytest.fixture
-def encoded(result: ChangeResult) -> ChangeResult:
-    """The hand-made result with true run lengths."""
-    masks = {"removed": result.removed, "added": result.added}
-    segments = {kind: Segment.from_mask(mask) for kind, mask in masks.items()}
-    regions = tuple(
-        replace(r, rle=encode_rle(segment, masks[r.kind].shape))
-        for r in result.regions
-        if (segment := segments[r.kind]) is not None
-    )
-    assert len(regions) == len(result.regions)
-    return replace(result, regions=regions)
 
 
 def test_pycocotools_reads_the_file_and_finds_the_masks(

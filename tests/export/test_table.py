@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import errno
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pyarrow.parquet as pq
@@ -17,8 +16,6 @@ from zeroscd.export.table import (
     write_parquet,
 )
 from zeroscd.images.exif import Exif
-from zeroscd.records import Segment
-from zeroscd.refine.regions import encode_rle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,19 +25,6 @@ if TYPE_CHECKING:
 
 OLD = Exif(gps=(46.9, 7.4), taken="2019-05-04T12:30:11")
 NEW = Exif(gps=(46.8, 7.3), taken="2024-05-04T12:30:11+02:00")
-
-
-@pytest.fixture
-def encoded(result: ChangeResult) -> ChangeResult:
-    masks = {"removed": result.removed, "added": result.added}
-    segments = {kind: Segment.from_mask(mask) for kind, mask in masks.items()}
-    regions = tuple(
-        replace(r, rle=encode_rle(segment, masks[r.kind].shape))
-        for r in result.regions
-        if (segment := segments[r.kind]) is not None
-    )
-    assert len(regions) == len(result.regions)
-    return replace(result, regions=regions)
 
 
 def test_regions_come_back_from_the_file_as_they_were(
