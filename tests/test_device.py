@@ -7,6 +7,7 @@ import threading
 
 import pytest
 
+from zeroscd import device
 from zeroscd.device import (
     DEVICES,
     pick_device,
@@ -100,3 +101,17 @@ def test_other_threads_begin_with_all_cores_during_and_after() -> None:
 def test_the_first_failure_beside_others_is_raised() -> None:
     with threads(2), pytest.raises(ZeroDivisionError):
         side_by_side(lambda item: 1 // item, [1, 0, 2])
+
+
+def test_an_interrupt_while_threads_start_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Interrupted(threading.Barrier):
+        def wait(self, timeout: float | None = None) -> int:
+            if threading.current_thread() is threading.main_thread():
+                raise KeyboardInterrupt
+            return super().wait(timeout)
+
+    monkeypatch.setattr(device, "Barrier", Interrupted)
+    monkeypatch.setattr(device, "thread_count", lambda: 2)
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side(str, [1, 2])
+    assert not [one for one in threading.enumerate() if one.name.startswith("lone")]

@@ -90,6 +90,15 @@ def test_a_part_that_shows_less_of_it_stays_whole(detect: Any, draw_scene: Any) 
     np.testing.assert_array_equal(result.mask, plain.mask)
 
 
+def test_what_was_removed_and_shows_less_of_it_stays_whole_in_the_other_frame(
+    detect: Any, draw_scene: Any
+) -> None:
+    scene = draw_scene(SHIFT, removed=[CAR])
+    third = (CAR[0], CAR[1], CAR[2] // 4, CAR[3])
+    plain, result = detect(scene, [], []), detect(scene, [("person", third)], [], "person")
+    np.testing.assert_array_equal(result.mask, plain.mask)
+
+
 def test_what_stands_unchanged_in_one_photo_hides_the_scene_in_both(
     detect: Any, draw_scene: Any
 ) -> None:

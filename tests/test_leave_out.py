@@ -14,7 +14,7 @@ from zeroscd.alignment.warp import warp_mask
 from zeroscd.detector import Detector
 from zeroscd.errors import ImageError, SettingsError
 from zeroscd.export.changes import changes
-from zeroscd.export.summary import alignment_sentence, coverage_sentence
+from zeroscd.export.summary import alignment_sentence, coverage_sentence, warnings
 from zeroscd.models import Models
 from zeroscd.records import Alignment
 
@@ -215,3 +215,46 @@ def test_a_homography_for_several_photos_is_refused(detect: Any, draw_scene: Any
 def test_an_area_that_does_not_fit_is_refused(detect: Any, draw_scene: Any) -> None:
     with pytest.raises(ImageError, match="the ignore mask has 10 x 10 pixels"):
         detect(draw_scene(added=[SIGN]), ignore=np.ones((10, 10), bool))
+
+
+def test_an_area_of_a_photo_that_cannot_be_aligned_is_refused(
+    toy_encoder: PatchEncoder, plain_settings: Settings, draw_scene: Any
+) -> None:
+    scene, other = draw_scene(added=[SIGN]), draw_scene(seed=9)
+    segmenter = scene.segmenter()
+    segmenter.script |= other.segmenter().script
+    detector = Detector(plain_settings, Models(toy_encoder, segmenter))
+    sides = scene.before, [other.after, scene.after]
+    assert detector.detect(*sides, ignore_all=area(0, 0, 32, 32)).regions
+    with pytest.raises(ImageError, match=r"first photo after cannot be aligned.*its area"):
+        detector.detect(*sides, roi=area(0, 0, 32, 32))
+    with pytest.raises(ImageError, match="first photo after cannot be aligned"):
+        detector.detect(*sides, ignore=area(0, 0, 32, 32), ignore_all=area(64, 0, 32, 32))
+
+
+def test_transients_take_areas_of_all_photos_and_a_known_geometry_only(
+    toy_encoder: PatchEncoder, plain_settings: Settings, draw_scene: Any
+) -> None:
+    one, two = draw_scene(added=[SIGN]), draw_scene(added=[BIN])
+    segmenter = one.segmenter()
+    segmenter.script |= two.segmenter().script
+    detector = Detector(plain_settings, Models(toy_encoder, segmenter))
+    sides = one.before, [one.after, two.after]
+
+    def found(**given: Any) -> list[list[tuple[int, ...]]]:
+        result = detector.detect(*sides, transients=True, t1_from_t0="none", **given)
+        assert result.transients is not None
+        return [[region.bbox_xywh for region in each.regions] for each in result.transients]
+
+    assert found() == [[SIGN], [BIN]]
+    assert found(ignore_all=area(*BIN)) == [[SIGN], []]
+    with pytest.raises(SettingsError, match="transients cannot be listed where an area of one"):
+        found(roi=area(*BIN))
+
+
+def test_where_nearly_all_is_left_out_the_photos_stay_aligned(detect: Any, draw_scene: Any) -> None:
+    scene = draw_scene(SHIFT, added=[SIGN], smooth=True)
+    plain, result = detect(scene), detect(scene, ignore=area(0, 0, 256, 192))
+    np.testing.assert_array_equal(result.alignment.t1_from_t0, plain.alignment.t1_from_t0)
+    assert result.unknown.all()
+    assert any("left out" in text for text in warnings(result))

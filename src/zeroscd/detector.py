@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from zeroscd.alignment.known import refuse_for_several
 from zeroscd.evidence import EncodedPhoto, Evidence, encoded_photo
-from zeroscd.full_size import at_full_size
-from zeroscd.given import Given
+from zeroscd.full_size import at_full_size, not_judged
+from zeroscd.given import Given, check_areas
 from zeroscd.images.read import listed, read_photo
 from zeroscd.images.working import enlarge_map, enlarge_mask
 from zeroscd.judging import changed_in, judge, leave_out
@@ -150,11 +151,13 @@ class Detector:
             roi_before=roi_before,
             ignore_all=ignore_all,
         )
+        if transients:
+            given.refuse_for_transients()
         sides = given.mark(encoded[: len(old)], encoded[len(old) :])
         result = self.decide(self.compare(*sides, t1_from_t0=t1_from_t0, timer=timer))
         if not transients:
             return result
-        return replace(result, transients=tuple(self._transients(*sides)))
+        return replace(result, transients=tuple(self._transients(sides, t1_from_t0)))
 
     def detect_many(
         self, pairs: Sequence[tuple[PhotoSource, PhotoSource]], *, progress: Progress | None = None
@@ -220,6 +223,7 @@ class Detector:
             refuse_for_several(t1_from_t0)
         both = partial(compare_photos, settings=self.settings, known=t1_from_t0, timer=timer)
         evidence = join([[both(photo_t0, photo_t1) for photo_t1 in new] for photo_t0 in old])
+        check_areas(evidence.pair, old[0], new[0])
         with timer.stage("segment"):
             everything = self.settings.segment.prompting == "everything"
             segments = all_segments(evidence.pair) if everything else None
@@ -264,7 +268,7 @@ class Detector:
             mask=mask,
             removed=judged.masks[0],
             added=judged.masks[1],
-            unknown=enlarge_mask(judged.unknown[at], mask.shape) & ~mask,
+            unknown=not_judged(judged, chosen.frame, mask),
             unseen=enlarge_mask(coarse[at].unknown, mask.shape) & ~mask,
             heatmap=enlarge_map(coarse[at].distance, mask.shape),
             regions=regions,
@@ -277,21 +281,18 @@ class Detector:
         )
 
     def _transients(
-        self, old: Sequence[EncodedPhoto], new: Sequence[EncodedPhoto]
+        self, sides: tuple[list[EncodedPhoto], list[EncodedPhoto]], known: KnownGeometry | None
     ) -> Iterator[Transients]:
         """Take each photo as the new one: what all others lack is in it alone."""
         settings = self.settings.override({"frame": "t1"})
-        sides: tuple[tuple[Sequence[EncodedPhoto], Frame], ...] = ((old, "t0"), (new, "t1"))
-        for side, frame in sides:
+        frames: tuple[Frame, Frame] = ("t0", "t1")
+        for side, frame in zip(sides, frames, strict=True):
             # The only photo of a side shows what is removed or added.
             for photo in side if len(side) > 1 else ():
-                others = [one for one in (*old, *new) if one is not photo]
-                found = self.decide(self.compare(others, photo), settings)
-                yield Transients(
-                    photo=photo.photo,
-                    frame=frame,
-                    regions=alone_in_its_photo(found.regions, frame),
-                )
+                others = [one for one in chain(*sides) if one is not photo]
+                found = self.decide(self.compare(others, photo, t1_from_t0=known), settings)
+                regions = alone_in_its_photo(found.regions, frame)
+                yield Transients(photo=photo.photo, frame=frame, regions=regions)
 
     def look(self, photos: Sequence[PhotoSource]) -> list[EncodedPhoto]:
         """Encode photos, by the old name of `encode`."""

@@ -101,6 +101,14 @@ def side_by_side(function: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -
         return list(pool.map(function, items))
 
 
+def begin_thread(count: int) -> None:
+    """Give a new thread its number of threads inside, whatever others set at that moment."""
+    import torch  # noqa: PLC0415 - as above
+
+    torch.get_num_threads()  # torch's own start in a thread, which would undo the next line
+    torch.set_num_threads(count)
+
+
 @contextmanager
 def _lone_threads(count: int) -> Iterator[ThreadPoolExecutor]:
     """Start threads in which each step of the networks uses one thread inside."""
@@ -109,8 +117,7 @@ def _lone_threads(count: int) -> Iterator[ThreadPoolExecutor]:
     started = Barrier(count + 1)
 
     def start() -> None:
-        torch.get_num_threads()  # torch's own start in a thread, which would undo the next line
-        torch.set_num_threads(1)
+        begin_thread(1)
         started.wait()
 
     pool = ThreadPoolExecutor(count, thread_name_prefix="lone")
@@ -119,10 +126,10 @@ def _lone_threads(count: int) -> Iterator[ThreadPoolExecutor]:
             try:
                 for _ in range(count):
                     pool.submit(start)
-            except RuntimeError:  # the system gives no more threads: those that wait go home
+                started.wait()
+            except BaseException:  # no more threads, or Ctrl-C: those that wait go home
                 started.abort()
                 raise
-            started.wait()
             # What was set last is also what threads begin with that others start from now on.
             torch.set_num_threads(torch.get_num_threads())
         yield pool

@@ -86,7 +86,8 @@ class EncodedPhoto:
     def size_bytes(self) -> int:
         """Memory held so far; it grows when segments are first asked for."""
         descriptors = sum(one.descriptors.nbytes for one in self.maps)
-        classes = 0 if self.classes is None else self.classes.nbytes
+        areas = (self.classes, self.ignored, self.wanted)
+        classes = sum(one.nbytes for one in areas if one is not None)
         smaller = 0 if self.smaller is None else self.smaller.pixels.nbytes
         pixels = self.photo.pixels.nbytes + smaller
         return pixels + descriptors + classes + self.proposals.size_bytes

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zeroscd.models import ENCODERS, SEGMENTERS
-from zeroscd.weights.catalogue import find
+from zeroscd.weights.catalogue import CATALOGUE, find
 from zeroscd.weights.store import is_present, path_of
 from zeroscd.weights.verify import digest_of
 
@@ -64,10 +64,15 @@ def digest_code(*, also: tuple[str, ...] = ()) -> str:
 def digest_weights(settings: Settings) -> list[str]:
     """Return the sha256 of the weight files that the settings name: published, else computed."""
     recipes = (ENCODERS.get(settings.encoder), SEGMENTERS.get(settings.segmenter))
-    rows = [find(recipe.weights) for recipe in recipes if recipe and recipe.weights]
-    return [
-        row.sha256 or (digest_of(path_of(row)) if is_present(row) else "absent") for row in rows
-    ]
+    return [digest_of_weights(one.weights) for one in recipes if one and one.weights]
+
+
+def digest_of_weights(name: str) -> str:
+    """Return the sha256 of one file of weights: published, else computed; "absent" without it."""
+    if name not in CATALOGUE:  # a network of the user's own
+        return "absent"
+    row = find(name)
+    return row.sha256 or (digest_of(path_of(row)) if is_present(row) else "absent")
 
 
 def digest_values(values: Mapping[str, object]) -> str:

@@ -5,17 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from zeroscd.alignment.known import geometry_in
+from zeroscd.errors import ImageError, SettingsError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from zeroscd.alignment.known import KnownGeometry
-    from zeroscd.evidence import EncodedPhoto
+    from zeroscd.evidence import EncodedPhoto, Pair
     from zeroscd.images.areas import AreaSource
 
 AREAS = ("ignore", "ignore_before", "roi", "roi_before")  # each for one photo
 ALIGN = "align"  # what files call the geometry
+GIVEN = (*AREAS, ALIGN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +65,19 @@ class Given:
         areas = {name: files.get(name) for name in AREAS}
         return cls(**areas, ignore_all=ignore_all, t1_from_t0=t1_from_t0)
 
+    def refuse_for_transients(self) -> None:
+        """Refuse areas of one photo where what stands in one photo only is asked for.
+
+        Raises:
+            SettingsError: One is given; it could not be carried to all photos.
+        """
+        if any(getattr(self, name) is not None for name in AREAS):
+            message = (
+                "transients cannot be listed where an area of one photo is left out; leave it out "
+                "of all photos (ignore_all)"
+            )
+            raise SettingsError(message)
+
     def mark(
         self, before: Sequence[EncodedPhoto], after: Sequence[EncodedPhoto]
     ) -> tuple[list[EncodedPhoto], list[EncodedPhoto]]:
@@ -75,3 +92,29 @@ class Given:
         old[0] = old[0].leave_out(ignore=self.ignore_before, roi=self.roi_before)
         new[0] = new[0].leave_out(ignore=self.ignore, roi=self.roi)
         return old, new
+
+
+def check_areas(pair: Pair, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto) -> None:
+    """Check that what is left out of the first photos is left out of the pair that is answered.
+
+    Where the first photo of a side cannot be aligned, another one takes its place.
+
+    Raises:
+        ImageError: An area belongs to a photo that says nothing.
+    """
+    sides = (photo_t0, pair.photo_t0, "before"), (photo_t1, pair.photo_t1, "after")
+    for first, chosen, when in sides:
+        if first is not chosen and (first.wanted is not None or _leaves_more(first, chosen)):
+            message = (
+                f"the first photo {when} cannot be aligned, so that its area cannot be carried; "
+                "leave out that photo, or the area"
+            )
+            raise ImageError(message)
+
+
+def _leaves_more(first: EncodedPhoto, chosen: EncodedPhoto) -> bool:
+    """Tell whether a photo has an area beyond that of all photos."""
+    if first.ignored is None:
+        return False
+    same_size = chosen.ignored is not None and chosen.ignored.shape == first.ignored.shape
+    return not same_size or bool((first.ignored & ~np.asarray(chosen.ignored)).any())

@@ -60,8 +60,10 @@ def _leave_out(
         area | (was & ~now) for area, was, now in zip(shown, judged.masks, masks, strict=True)
     )
     side_t0, side_t1 = pair.sides
-    ignored_t0 = (out_t0 | side_t0.bring_mask(out_t1)) & ~masks[0]
-    ignored_t1 = (out_t1 | side_t1.bring_mask(out_t0)) & ~masks[1]
+    changed_t0 = masks[0] | side_t0.bring_mask(masks[1])
+    changed_t1 = masks[1] | side_t1.bring_mask(masks[0])
+    ignored_t0 = (out_t0 | side_t0.bring_mask(out_t1)) & ~changed_t0
+    ignored_t1 = (out_t1 | side_t1.bring_mask(out_t0)) & ~changed_t1
     areas_t0, areas_t1 = judged.ignored
     return judged._replace(
         parts=(kept_t0, kept_t1),

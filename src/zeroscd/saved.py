@@ -34,7 +34,8 @@ class SavedResult:
         removed: (H, W) in the t0 frame.
         added: (H, W) in the t1 frame.
         unknown: (H, W) not judged.
-        ignored: (H, W) the part of it that the user left out; None where nothing was.
+        ignored: (H, W) the part of it that the user left out; None where nothing was, or the file
+            is not there.
         regions: The changed objects, most certain first.
         alignment: The homography, or why there is none.
         values: Everything in `changes.json`: paths, settings, preset, fractions, seconds.
@@ -67,7 +68,8 @@ def load(path: str | Path) -> SavedResult:
     given = Path(path)
     folder = given.parent if given.name == CHANGES else given
     values = _values(folder / CHANGES)
-    ignored = ("ignored",) if "ignored_fraction" in values else ()
+    # A batch writes only the files that were asked for.
+    ignored = ("ignored",) if (folder / FILES["ignored"][0]).is_file() else ()
     masks = {
         name: _mask(folder / FILES[name][0])
         for name in ("mask", "removed", "added", "unknown", *ignored)

@@ -57,6 +57,7 @@ def test_none_is_no_file() -> None:
         "1 2 3",
         "[1, 2, 3]",
         "one 0 8 0 1 -4 0 0 1",
+        "[[1" + "0" * 400 + ", 0, 8], [0, 1, -4], [0, 0, 1]]",
         '{"alignment": {"t1_from_t0": null}}',
         "nan",
     ],
@@ -65,6 +66,11 @@ def test_a_file_with_something_else_is_refused_by_name(tmp_path: Path, text: str
     (tmp_path / "shift").write_text(text)
     with pytest.raises(SettingsError, match="shift holds no homography; give t1_from_t0 as 3 x 3"):
         read_geometry(str(tmp_path / "shift"))
+
+
+def test_a_tiny_scale_is_a_scale_like_others() -> None:
+    found = known_alignment(1e-6 * np.array(SHIFT), sizes_hw=SAME)
+    assert found.t1_from_t0.ravel().tolist() == pytest.approx([1, 0, 8, 0, 1, -4, 0, 0, 1])
 
 
 def test_a_file_that_is_not_there_is_refused() -> None:

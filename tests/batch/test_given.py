@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import zeroscd
 from zeroscd.batch import Options, run
 from zeroscd.batch.manifest import open_manifest
 
@@ -102,6 +103,7 @@ def test_a_pair_is_compared_again_when_what_is_given_changes(
         ("ignore", "absent.png", "absent.png does not exist"),
         ("roi", "small.png", "the region of interest has 10 x 10 pixels and its photo 96 x 64"),
         ("align", "all.json", "the field align holds no homography"),
+        ("ignore", "0", "does not exist"),
     ],
 )
 def test_what_cannot_be_used_is_the_error_of_its_row_alone(
@@ -117,3 +119,43 @@ def test_what_cannot_be_used_is_the_error_of_its_row_alone(
     pairs, _ = tables(tmp_path / "out")
     assert [row["status"] for row in pairs] == ["error", "ok"]
     assert message in pairs[0]["error"]
+
+
+def test_an_area_inside_the_manifest_is_refused(street: Path) -> None:
+    row = {"before": "a.png", "after": "b.png", "ignore": [[[0, 0], [1, 0], [1, 1]]]}
+    (street / "inline.jsonl").write_text(json.dumps(row))
+    (found,) = open_manifest(street / "inline.jsonl").rows()
+    assert found.error == "the column ignore holds a list; give the path of a file"
+
+
+def test_an_empty_area_of_all_photos_is_an_error_of_every_row(
+    street: Path, tmp_path: Path, toy: ModuleType, tables: Tables
+) -> None:
+    run(street / "pairs.csv", tmp_path / "out", options=Options(detector=toy.make, ignore_all=b""))
+    pairs, _ = tables(tmp_path / "out")
+    assert {row["status"] for row in pairs} == {"error"}
+
+
+def test_a_pair_loads_without_the_picture_of_what_was_left_out(
+    street: Path, tmp_path: Path, toy: ModuleType
+) -> None:
+    files = ("mask", "removed", "added", "unknown", "json")
+    options = Options(detector=toy.make, ignore_all=ALL.encode(), write=files)
+    run(street / "pairs.csv", tmp_path / "out", options=options)
+    folder = next(path for path in (tmp_path / "out").iterdir() if path.is_dir())
+    found = zeroscd.load(folder)
+    assert found.ignored is None
+    assert found.unknown.all()
+
+
+def test_tasks_for_label_studio_follow_photos_that_moved(
+    street: Path, tmp_path: Path, toy: ModuleType
+) -> None:
+    options = Options(detector=toy.make, write=("label-studio",))
+    once = partial(run, street / "pairs.csv", tmp_path / "out", options=options)
+    assert once().reused == 0
+    assert once().reused == 6
+    (street / "t0").rename(street / "old")
+    moved = (street / "pairs.csv").read_text().replace("t0/", "old/")
+    (street / "pairs.csv").write_text(moved)
+    assert once().reused == 0

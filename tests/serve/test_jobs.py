@@ -48,6 +48,18 @@ def test_a_job_gives_the_same_results_as_single_requests(served: Any, pair: Any)
     assert mask.content.startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize("name", ["ignore", "roi_before", "align"])
+def test_what_a_job_cannot_take_is_refused_and_not_left_aside(
+    served: Any, pair: Any, name: str
+) -> None:
+    field = (
+        (name, (None, "none")) if name == "align" else (name, ("x.png", pair.before, "image/png"))
+    )
+    sent = served.client.post("/v1/jobs", files=[*form(pair, 1), field])
+    assert sent.status_code == 422
+    assert f"a job takes no field {name}" in sent.json()["detail"]
+
+
 def test_a_damaged_pair_fails_alone(served: Any, pair: Any) -> None:
     broken = pair._replace(after=pair.after[: len(pair.after) // 2])
     files = [*form(broken, 1), *form(pair, 1)]

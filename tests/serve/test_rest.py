@@ -91,6 +91,17 @@ def test_an_area_that_cannot_be_used_is_named(
     assert (answer.status_code, message in answer.json()["detail"]) == (status, True)
 
 
+def test_a_mask_does_not_count_among_the_pixels_of_the_photos(
+    start: Any, pair: Any, png_of: Any
+) -> None:
+    height, width = pair.scene.after.shape[:2]
+    served = start(replace(Limits(), photo_pixels=height * width))
+    mask = ("ignore", ("hood.png", png_of(np.zeros((height, width), np.uint8)), "image/png"))
+    answer = served.client.post("/v1/detect", files=[*pair.files().items(), mask])
+    assert answer.status_code == 200
+    assert answer.json()["ignored_fraction"] == 0
+
+
 def test_a_geometry_that_cannot_be_used_is_refused(served: Any, pair: Any) -> None:
     answer = served.client.post("/v1/detect", files=pair.files(), data={"align": "1 2 3"})
     assert answer.status_code == 422

@@ -88,10 +88,14 @@ def _align_in_order(
     points = _match_all(maps_a[level], maps_b[level], settings)
     found = _estimate(points, maps_b[level], settings)
     counting = photos.counting(points)
-    led_astray = found is not None and _nearly_all(~counting, of=found.inliers)
-    if led_astray:
-        points = PointMatches(*(one[counting] for one in points))
-        found = _estimate(points, maps_b[level], settings)
+    led_astray = False
+    if found is not None and _nearly_all(~counting, of=found.inliers):
+        elsewhere = PointMatches(*(one[counting] for one in points))
+        other = _estimate(elsewhere, maps_b[level], settings)
+        count = len(elsewhere.points_a)
+        # Where too little is left to align by, what was ignored still says how the photos lie.
+        if _rejection_reason(other, count, settings, sizes_hw=sizes_hw) is None:
+            led_astray, points, found = True, elsewhere, other
     reason = _rejection_reason(found, len(points.points_a), settings, sizes_hw=sizes_hw)
     if found is None or reason is not None:
         inliers = 0 if found is None else int(found.inliers.sum())

@@ -124,12 +124,13 @@ def _from_text(text: str) -> list[list[str]] | None:
 def _checked(value: object, *, name: str) -> Homography:
     try:
         homography = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         homography = np.empty(0)
     if homography.shape != (3, 3) or not np.isfinite(homography).all():
         message = f"{name} holds no homography; {REMEDY}"
         raise SettingsError(message)
-    if abs(np.linalg.det(homography)) < np.finfo(float).eps or homography[2, 2] == 0:
+    scale = homography[2, 2]
+    if scale == 0 or abs(np.linalg.det(homography / scale)) < np.finfo(float).eps:
         message = f"the homography in {name} cannot be inverted; {REMEDY}"
         raise SettingsError(message)
-    return np.asarray(homography / homography[2, 2])
+    return np.asarray(homography / scale)

@@ -19,7 +19,14 @@ from zeroscd.detector import Detector
 from zeroscd.errors import ImageError, SettingsError
 from zeroscd.export.files import render
 from zeroscd.export.table import PairNotes, change_rows, pair_row
-from zeroscd.fingerprint import digest, digest_code, digest_values, digest_weights, versions
+from zeroscd.fingerprint import (
+    digest,
+    digest_code,
+    digest_of_weights,
+    digest_values,
+    digest_weights,
+    versions,
+)
 from zeroscd.given import ALIGN, Given
 from zeroscd.images.exif import read_exif
 from zeroscd.images.read import read_photo
@@ -76,6 +83,7 @@ class PairComparer:
     def __init__(self, options: Options) -> None:
         self._detector = options.detector()
         self._write = options.write
+        self._names_files = "label-studio" in options.write  # by where this process found them
         self._fetch = Fetcher(options.timeout_s)
         self._encoded: ExpiringCache[EncodedPhoto] = ExpiringCache(
             options.cache_bytes, size_of=attrgetter("size_bytes")
@@ -87,7 +95,7 @@ class PairComparer:
             {
                 "absolute": options.absolute_paths,
                 "detector": fingerprint(self._detector),
-                "ignore": options.ignore_all and digest([options.ignore_all]),
+                "ignore": None if self._ignore_all is None else digest([self._ignore_all]),
                 "geometry": None if self._geometry is None else np.asarray(self._geometry).tolist(),
             }
         )
@@ -150,7 +158,8 @@ class PairComparer:
         views = [f"{len(before)} {len(after)}".encode()] if len(before) + len(after) > PAIR else []
         digests = (file.digest.encode() for file in (*before, *after))
         known = (part for name, data in sorted(given.items()) for part in (name.encode(), data))
-        return digest([self._fingerprint.encode(), *views, *digests, *known])
+        named = [file.address.encode() for file in (*before, *after)] if self._names_files else []
+        return digest([self._fingerprint.encode(), *views, *digests, *known, *named])
 
     def _compare(
         self,
@@ -202,7 +211,10 @@ class PairComparer:
 def fingerprint(detector: Detector) -> str:
     """Return a digest of all that decides a comparison and its files, except the photos."""
     labeller = detector.models.labeller
-    classes = {} if labeller is None else {labeller.name: sorted(detector.ignored_classes)}
+    classes: dict[str, object] = {}
+    if labeller is not None:
+        ignored = sorted(detector.ignored_classes)
+        classes = {"labeller": [labeller.name, digest_of_weights(labeller.name), ignored]}
     return digest_values(
         {
             **classes,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from zeroscd.batch.comparer import PairComparer
 from zeroscd.batch.task import Outcome
-from zeroscd.device import thread_count, threads
+from zeroscd.device import begin_thread, thread_count, threads
 from zeroscd.errors import ImageError, ZeroscdError
 
 if TYPE_CHECKING:
@@ -66,7 +66,12 @@ def default_workers(settings: Settings) -> int:
 def run_all(tasks: Iterable[Task], comparer: PairComparer, *, workers: int) -> Iterator[Outcome]:
     """Yield the outcomes of tasks as they come; few tasks are under way at any time."""
     slots = BoundedSemaphore(workers)
-    pool = ThreadPoolExecutor(workers + READERS, thread_name_prefix="pair")
+    pool = ThreadPoolExecutor(
+        workers + READERS,
+        thread_name_prefix="pair",
+        initializer=begin_thread,
+        initargs=(thread_count(),),
+    )
     pending: dict[Future[Outcome], Task] = {}
     try:
         for task in tasks:

@@ -9,7 +9,8 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from zeroscd.batch.task import GIVEN, Row
+from zeroscd.batch.task import Row
+from zeroscd.given import GIVEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -152,16 +153,25 @@ def _check_columns(names: Sequence[str], where: str) -> None:
 def _row(values: Mapping[str, Any]) -> Row:
     sides = {column: _texts(values.get(column)) for column in NEEDED}
     missing = [column for column, texts in sides.items() if not texts]
+    inline = [name for name in GIVEN if isinstance(values.get(name), list | dict)]
     before, after = sides.values()
     return Row(
         before=next(iter(before), None),
         after=next(iter(after), None),
         id=_text(values.get("id")),
-        error=f"the manifest says no {' and no '.join(missing)}" if missing else None,
+        error=_error(missing, inline),
         also_before=tuple(before[1:]),
         also_after=tuple(after[1:]),
         given={name: text for name in GIVEN if (text := _text(values.get(name)))},
     )
+
+
+def _error(missing: Sequence[str], inline: Sequence[str]) -> str | None:
+    if missing:
+        return f"the manifest says no {' and no '.join(missing)}"
+    if inline:
+        return f"the column {inline[0]} holds a list; give the path of a file"
+    return None
 
 
 def _texts(value: object) -> list[str]:

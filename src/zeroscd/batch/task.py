@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.alignment.known import FIXED
 from zeroscd.batch.address import resolve
-from zeroscd.given import ALIGN, AREAS
+from zeroscd.given import ALIGN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 # Key in an outcome's columns: numbers, on their sides, of the photos in whose frames it is. There
 # only where they are not the first ones.
 FIRST = "first"
-# Columns of a manifest: areas that do not count or where to look only, and a known geometry.
-GIVEN = (*AREAS, ALIGN)
 
 
 def resolve_given(given: Mapping[str, str], *, base: str) -> dict[str, str]:
@@ -43,8 +41,8 @@ class Row:
         error: Why this row cannot be compared, if so.
         also_before: Addresses of further old photos of the place.
         also_after: Addresses of further new photos of the place.
-        given: What is known of the pair, by the name of its column, one of `GIVEN`: addresses of
-            areas and of a homography, or "none".
+        given: What is known of the pair, by the name of its column (`zeroscd.given.GIVEN`):
+            addresses of areas and of a homography, or "none".
     """
 
     before: str | None = None

@@ -104,6 +104,9 @@ def labelling(ignore_classes: str | None, *, labels: bool) -> dict[str, Any]:
         SettingsError: A name is no class.
     """
     names = tuple(filter(None, map(str.strip, (ignore_classes or "").split(","))))
+    if ignore_classes is not None and not names:
+        message = "--ignore-classes names nothing; give classes separated by commas, such as person"
+        raise SettingsError(message)
     if not labels and not names:
         return {}
     from zeroscd.labels.classes import class_ids

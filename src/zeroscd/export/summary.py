@@ -38,7 +38,7 @@ def warnings(result: Changes) -> list[str]:
             "so a moved camera may look like change."
         )
     unseen, wanted = float(result.unseen.mean()), 1 - _ignored_fraction(result)
-    if wanted == 0:
+    if result.ignored is not None and (result.ignored | result.unseen).all():
         found.append("All of the photo is left out; nothing is said about it.")
     elif unseen > MOSTLY_UNSEEN:
         found.append(

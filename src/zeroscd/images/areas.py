@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from codecs import BOM_UTF8
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -34,6 +35,7 @@ Ring: TypeAlias = "NDArray[np.float64]"  # (N, 2) as (x, y)
 POINTS = 3  # the fewest of a polygon
 MAX_RINGS = 1000  # outlines and holes
 MAX_ROUNDS = 200  # length of all outlines, in those of the photo's own
+MAX_PHOTOS = 20  # area of the boxes of all outlines, in photos
 ASPECT_TOLERANCE = 0.01  # of width over height, for a mask of another size than its photo
 FORMATS_TEXT = "white on black, or polygons as JSON or GeoJSON in pixels"
 
@@ -76,7 +78,7 @@ def read_area(source: AreaSource, *, size_hw: tuple[int, int], name: str = "the 
 
 def looks_like_json(content: bytes) -> bool:
     """Tell whether a file's bytes are polygons, and no picture."""
-    return content.lstrip()[:1] in (b"[", b"{")
+    return content.removeprefix(BOM_UTF8).lstrip()[:1] in (b"[", b"{")
 
 
 def resize_mask(mask: Mask, size_hw: tuple[int, ...] | None) -> Mask:
@@ -103,9 +105,9 @@ def _from_array(array: NDArray[Any], name: str) -> Mask:
     return array if array.dtype == np.bool_ else np.asarray(array > _middle(array))
 
 
-def _middle(array: NDArray[Any]) -> int:
-    """Return the level above which an array of numbers is white; some hold 0 and 1 only."""
-    return 0 if array.max(initial=0) <= 1 else HALF_WHITE
+def _middle(array: NDArray[Any]) -> float:
+    """Return the level above which an array of numbers is white; some hold 0 to 1 only."""
+    return 0.5 if array.max(initial=0) <= 1 else HALF_WHITE
 
 
 def _fit(mask: Mask, size_hw: tuple[int, int], name: str) -> Mask:
@@ -132,7 +134,7 @@ def _filled(value: object, size_hw: tuple[int, int], name: str) -> Mask:
     """Fill polygons; holes of GeoJSON's stay empty."""
     try:
         polygons = list(_polygons(value))
-    except (TypeError, ValueError, LookupError, AttributeError) as error:
+    except (TypeError, ValueError, LookupError, AttributeError, OverflowError) as error:
         why = f" ({one_line(str(error))})" if isinstance(error, ValueError) else ""
         message = f"{name} holds no polygons{why}; give {FORMATS_TEXT}"
         raise ImageError(message) from error
@@ -162,7 +164,8 @@ def _from_geojson(value: Mapping[str, Any]) -> Iterator[list[Ring]]:
     if kind == "FeatureCollection":
         yield from chain.from_iterable(map(_from_geojson, value["features"]))
     elif kind == "Feature":
-        yield from _from_geojson(value["geometry"])
+        if value["geometry"] is not None:  # a feature without a place, RFC 7946
+            yield from _from_geojson(value["geometry"])
     elif kind in ("Polygon", "MultiPolygon"):
         polygons = [value["coordinates"]] if kind == "Polygon" else value["coordinates"]
         yield from ([_ring(ring) for ring in rings] for rings in polygons)
@@ -185,25 +188,42 @@ def _ring(points: Any) -> Ring:  # noqa: ANN401 - checked here
 
 
 def _check_effort(polygons: list[list[Ring]], size_hw: tuple[int, int], name: str) -> None:
-    """Refuse what nobody draws: filling takes memory by length and time by number."""
+    """Refuse what nobody draws: filling takes memory by length and time by area and number."""
     rings = [ring for polygon in polygons for ring in polygon]
     length = sum(np.abs(ring - np.roll(ring, 1, axis=0)).sum() for ring in rings)
-    if len(rings) > MAX_RINGS or not length <= MAX_ROUNDS * 2 * sum(size_hw):  # NaN as well
-        message = f"{name} has more outlines, or longer ones, than anyone draws; draw fewer"
+    drawn = len(rings) <= MAX_RINGS and length <= MAX_ROUNDS * 2 * sum(size_hw)  # False of NaN
+    if not drawn or _filled_px(rings, size_hw) > MAX_PHOTOS * size_hw[0] * size_hw[1]:
+        message = f"{name} has more outlines, or larger ones, than anyone draws; draw fewer"
         raise ImageError(message)
 
 
+def _filled_px(rings: list[Ring], size_hw: tuple[int, int]) -> int:
+    boxes = (_box(ring, size_hw) for ring in rings)
+    return sum((bottom - top) * (right - left) for top, bottom, left, right in boxes)
+
+
 def _fill(filled: Mask, rings: list[Ring]) -> None:
-    """Fill a polygon but for its holes, inside its box."""
-    height, width = filled.shape
-    x0, y0 = np.clip(np.floor(rings[0].min(axis=0)), 0, (width, height)).astype(int)
-    x1, y1 = np.clip(np.ceil(rings[0].max(axis=0)), 0, (width, height)).astype(int)
-    if x0 < x1 and y0 < y1:
-        box = filled[y0:y1, x0:x1]
-        inside, *holes = (_inside(ring - (x0, y0), box.shape) for ring in rings)
-        for hole in holes:
-            inside &= ~hole
-        box |= inside
+    """Fill a polygon but for its holes, each inside its own box."""
+    outer, *holes = rings
+    top, bottom, left, right = _box(outer, filled.shape)
+    inside = np.zeros((bottom - top, right - left), dtype=bool)
+    if not inside.size:
+        return
+    inside |= _inside(outer - (left, top), inside.shape)
+    for hole in holes:
+        moved = hole - (left, top)
+        y0, y1, x0, x1 = _box(moved, inside.shape)
+        if y0 < y1 and x0 < x1:
+            inside[y0:y1, x0:x1] &= ~_inside(moved - (x0, y0), (y1 - y0, x1 - x0))
+    filled[top:bottom, left:right] |= inside
+
+
+def _box(ring: Ring, size_hw: tuple[int, ...]) -> tuple[int, int, int, int]:
+    """Return top, bottom, left and right of what a ring may cover of a photo; ends are excluded."""
+    height, width = size_hw
+    left, top = np.clip(np.floor(ring.min(axis=0)), 0, (width, height)).astype(int)
+    right, bottom = np.clip(np.ceil(ring.max(axis=0)), 0, (width, height)).astype(int)
+    return int(top), int(bottom), int(left), int(right)
 
 
 def _inside(ring: Ring, size_hw: tuple[int, ...]) -> Mask:

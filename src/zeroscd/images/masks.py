@@ -12,7 +12,7 @@ from PIL import Image
 
 from zeroscd.errors import ImageError
 from zeroscd.images.guard import guarded
-from zeroscd.images.read import FORMATS
+from zeroscd.images.read import DEFAULT_LIMITS, FORMATS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 HALF_WHITE = 127  # the middle of 8-bit grey: above is white, up to here is black
 VOID_COLOUR = (224, 224, 192)  # PASCAL VOC's "do not count", index 255 of its palette
+SAMPLED = 8  # of so many rows and columns one is looked at first
 MAX_LABELS = 64  # more colours than this are a photo, not labels
 SOFT_EDGE_PX = 16  # how far from white a resized or JPEG mask may be grey: one JPEG block of colour
 JPEG_BLACK = 8  # grey levels that JPEG may make of black
@@ -54,6 +55,9 @@ def decode_mask(content: bytes, *, name: str) -> Image.Image:
         ImageError: They are no picture.
     """
     with guarded(name), Image.open(io.BytesIO(content), formats=FORMATS) as image:
+        if image.width * image.height > DEFAULT_LIMITS.max_pixels:
+            message = f"{name} has {image.width} x {image.height} pixels, more than any photo here"
+            raise ImageError(message)
         image.load()
     return image
 
@@ -121,7 +125,9 @@ def _has_far_dark(value: NDArray[np.uint8], *, is_lossy: bool) -> bool:
 
 def _number_of(colours: Rgb) -> int:
     packed = colours.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
-    return int(np.unique(packed).size)
+    few = int(np.unique(packed[::SAMPLED, ::SAMPLED]).size)
+    # All pixels of a photo take seconds to sort, and a sample says enough.
+    return few if few > MAX_LABELS else int(np.unique(packed).size)
 
 
 def _alpha(image: Image.Image) -> NDArray[np.uint8] | None:

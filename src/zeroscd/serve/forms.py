@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fastapi import Depends, File, Form, Header, UploadFile
+from fastapi import Depends, File, Form, Header, Request, UploadFile
 
-from zeroscd.given import ALIGN, AREAS
+from zeroscd.given import ALIGN, AREAS, GIVEN
 from zeroscd.images.areas import looks_like_json
 from zeroscd.serve.limits import MEGA
 from zeroscd.serve.media import JSON, PNG
@@ -85,6 +85,19 @@ async def read_given(
 Given = Annotated[dict[str, bytes], Depends(read_given)]
 
 
+async def refuse_given(http_request: Request) -> None:
+    """Refuse areas and geometry in a request for many pairs, which takes none.
+
+    Raises:
+        Problem: A field of `read_given` was sent.
+    """
+    fields = await http_request.form()
+    for name in GIVEN:
+        if name in fields:
+            message = f"a job takes no field {name}; send the pair to /v1/detect"
+            raise Problem(Kind.BAD_FIELDS, message)
+
+
 async def check_pair(photos: PhotoPair, service: Service, *, number: int | None = None) -> None:
     """Check all files before anything is decoded, outside the event loop.
 
@@ -102,19 +115,19 @@ async def check_pair(photos: PhotoPair, service: Service, *, number: int | None 
     if len(photos_sent) > most:
         message = f"{len(photos_sent)} photos{of_pair or ' of a pair'}; send at most {most}"
         raise Problem(Kind.BAD_FIELDS, message)
-    pixels = 0
-    photos_sent += _masks(photos)
-    for name, data in photos_sent:
-        check = partial(check_photo, data, name=f"{name}{of_pair}", limits=service.limits)
-        width, height = await service.read_header(check)
-        pixels += width * height
-    most = 2 * service.limits.photo_pixels  # as two of the largest
-    if pixels > most:
-        message = (
-            f"the photos{of_pair} have {pixels / MEGA:.0f} million pixels together, more than "
-            f"{most / MEGA:.0f} million; scale them"
-        )
-        raise Problem(Kind.BAD_PHOTO, message)
+    for what, files in (("photos", photos_sent), ("masks", _masks(photos))):
+        pixels = 0
+        for name, data in files:
+            check = partial(check_photo, data, name=f"{name}{of_pair}", limits=service.limits)
+            width, height = await service.read_header(check)
+            pixels += width * height
+        most = 2 * service.limits.photo_pixels  # as two of the largest
+        if pixels > most:
+            message = (
+                f"the {what}{of_pair} have {pixels / MEGA:.0f} million pixels together, more than "
+                f"{most / MEGA:.0f} million; scale them"
+            )
+            raise Problem(Kind.BAD_PHOTO, message)
 
 
 def _masks(photos: PhotoPair) -> list[tuple[str, bytes]]:

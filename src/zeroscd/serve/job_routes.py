@@ -16,6 +16,7 @@ from zeroscd.serve.forms import (
     Frame,
     Preset,
     SettingsText,
+    refuse_given,
 )
 from zeroscd.serve.job_store import UNFINISHED, JobStore
 from zeroscd.serve.job_upload import check_pairs, group_pairs, read_pairs
@@ -73,6 +74,7 @@ def _add_sending(routes: APIRouter, service: Service, store: JobStore, runner: J
         settings: SettingsText = None,
     ) -> JobShown:
         """Queue pairs; once this is answered, not even a crash loses them."""
+        await refuse_given(http_request)
         values = parse_values(settings, frame)
         request = service.request(preset, values)
         files = group_pairs(before, after, before_of=before_of, after_of=after_of)

@@ -75,6 +75,7 @@
       if (!event.target.closest("[data-region]")) drag(event);
     });
     stage.addEventListener("pointermove", (event) => {
+      if (!(event.buttons & 1)) start = null; // it was let go elsewhere
       if (stage.hasPointerCapture(event.pointerId)) follow(event);
       else if (start !== null && Math.abs(event.clientX - start) > DRAG_PX) drag(event);
     });

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from zeroscd.alignment.align import align
 from zeroscd.alignment.homography import invert
 from zeroscd.cache import ExpiringCache
+from zeroscd.detector import Detector
 from zeroscd.errors import ImageError
 from zeroscd.evidence import whole_homography
 from zeroscd.images.read import read_photo
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
 
     from zeroscd.arrays import Homography
     from zeroscd.batch.comparer import Options
-    from zeroscd.detector import Detector
     from zeroscd.evidence import EncodedPhoto
 
 
@@ -31,6 +32,7 @@ class PhotoFeatures:
 
     def __init__(self, options: Options, fetch: Callable[[str], bytes]) -> None:
         self._make_detector = options.detector
+        self._ignore_all = options.ignore_all
         self._detector: Detector | None = None
         self._fetch = fetch
         self._unreadable: set[str] = set()
@@ -47,10 +49,11 @@ class PhotoFeatures:
         if known is None:
             try:
                 decoded = read_photo(self._fetch(photo))
+                (encoded,) = self._loaded().encode([decoded.pixels])
+                known = encoded.leave_out(ignore=self._ignore_all)
             except ImageError:
                 self._unreadable.add(photo)
                 return None
-            (known,) = self._loaded().encode([decoded.pixels])
             self._encoded.put(known, photo)
         return known
 
@@ -72,11 +75,15 @@ class PhotoFeatures:
             encoded_b.maps,
             self._loaded().settings.align,
             sizes_hw=(encoded_a.size_hw, encoded_b.size_hw),
+            ignored=(encoded_a.ignored, encoded_b.ignored),
         )
         if not isinstance(found, Alignment):
             return None
         return whole_homography(found.t1_from_t0, encoded_a, encoded_b)
 
     def _loaded(self) -> Detector:
-        self._detector = self._detector or self._make_detector()
+        if self._detector is None:
+            made = self._make_detector()
+            models = replace(made.models, labeller=None)  # regions have their labels
+            self._detector = Detector(made.settings, models)
         return self._detector
