@@ -62,8 +62,8 @@ def test_precision_follows_the_device_unless_someone_decides(
     assert found == {"cpu": "fp32", "cuda": "bf16", "mps": "fp32"}
     monkeypatch.setattr("torch.cuda.is_bf16_supported", lambda: False)
     assert pick_precision("auto", device="cuda") == "fp32"
-    for device in DEVICES:
-        assert pick_precision("bf16", device=device) == "bf16"
+    for name in DEVICES:
+        assert pick_precision("bf16", device=name) == "bf16"
 
 
 def test_items_are_computed_at_the_same_time_on_one_thread_each() -> None:
