@@ -74,7 +74,7 @@ def test_the_next_photos_are_read_while_a_pair_is_compared(
 
     monkeypatch.setattr(comparer_module, "read_photo", read)
     comparer = PairComparer(Options(detector=lambda: toy.make(wait_for_the_other)))
-    assert len(list(run_all(tasks_of(street, 2), comparer, workers=1))) == 2
+    assert len(list(run_all(tasks_of(street, 2), comparer, workers=1, cores=1))) == 2
     assert compared == [True, True]
 
 

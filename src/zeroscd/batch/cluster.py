@@ -103,7 +103,9 @@ class Actor:
         try:
             self._comparer = self._comparer or PairComparer(self._options)
             with threads(self._cores):
-                for outcome in run_all(_unpack(block), self._comparer, workers=1):
+                for outcome in run_all(
+                    _unpack(block), self._comparer, workers=1, cores=self._cores
+                ):
                     yield _pack([outcome])
         except ZeroscdError as error:
             yield _pack([error])

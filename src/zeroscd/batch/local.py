@@ -47,8 +47,9 @@ class Local:
         """
         comparer = PairComparer(options)
         workers = self.workers or default_workers(comparer.settings)
-        with threads(max(1, thread_count() // workers)):
-            yield from run_all(tasks, comparer, workers=workers)
+        cores = max(1, thread_count() // workers)
+        with threads(cores):
+            yield from run_all(tasks, comparer, workers=workers, cores=cores)
 
 
 def default_workers(settings: Settings) -> int:
@@ -63,14 +64,23 @@ def default_workers(settings: Settings) -> int:
     return (os.cpu_count() or 1) if light else 1
 
 
-def run_all(tasks: Iterable[Task], comparer: PairComparer, *, workers: int) -> Iterator[Outcome]:
-    """Yield the outcomes of tasks as they come; few tasks are under way at any time."""
+def run_all(
+    tasks: Iterable[Task], comparer: PairComparer, *, workers: int, cores: int
+) -> Iterator[Outcome]:
+    """Yield the outcomes of tasks as they come; few tasks are under way at any time.
+
+    Args:
+        tasks: The pairs.
+        comparer: Compares them.
+        workers: Pairs compared at the same time.
+        cores: Threads inside each.
+    """
     slots = BoundedSemaphore(workers)
     pool = ThreadPoolExecutor(
         workers + READERS,
         thread_name_prefix="pair",
         initializer=begin_thread,
-        initargs=(thread_count(),),
+        initargs=(cores,),
     )
     pending: dict[Future[Outcome], Task] = {}
     try:
