@@ -259,7 +259,9 @@ class Evidence:
         """Return the alignment in the photos' own pixels."""
         if isinstance(self.alignment, NotAligned):
             return self.alignment
-        return replace(self.alignment, t1_from_t0=self.pair.at_full_size().t1_from_t0)
+        photos = self.pair.photo_t0, self.pair.photo_t1
+        whole = whole_homography(self.alignment.t1_from_t0, *photos)
+        return replace(self.alignment, t1_from_t0=whole)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.alignment.known import geometry_in
+from zeroscd.alignment.known import FIXED, geometry_in
 from zeroscd.errors import ImageError, SettingsError
+from zeroscd.images.areas import read_area
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -89,9 +90,42 @@ class Given:
         old, new = (
             [photo.leave_out(ignore=self.ignore_all) for photo in side] for side in (before, after)
         )
-        old[0] = old[0].leave_out(ignore=self.ignore_before, roi=self.roi_before)
-        new[0] = new[0].leave_out(ignore=self.ignore, roi=self.roi)
+        for side, (ignore, roi) in zip((old, new), self._of_first_photos(), strict=True):
+            side[0] = side[0].leave_out(ignore=ignore, roi=roi)
         return old, new
+
+    def check(
+        self, sizes_before: Sequence[tuple[int, int]], sizes_after: Sequence[tuple[int, int]]
+    ) -> None:
+        """Read every area once, to refuse those that do not fit before anything slow begins.
+
+        Args:
+            sizes_before: Height and width of the photos before.
+            sizes_after: The same of the photos after.
+
+        Raises:
+            ImageError: One cannot be read or does not fit its photo.
+        """
+        sides = zip((sizes_before, sizes_after), self._of_first_photos(), strict=True)
+        for sizes, areas in sides:
+            wanted = [(area, sizes[0]) for area in areas]
+            for area, size_hw in [*wanted, *((self.ignore_all, size_hw) for size_hw in sizes)]:
+                if area is not None:
+                    read_area(area, size_hw=size_hw)
+
+    def _of_first_photos(self) -> tuple[tuple[AreaSource | None, AreaSource | None], ...]:
+        """Return what is ignored and what is wanted in the first photo before, and after."""
+        return (self.ignore_before, self.roi_before), (self.ignore, self.roi)
+
+
+def is_fixed(name: str, value: str) -> bool:
+    """Tell whether a column says that the camera did not move, and is no address.
+
+    Example:
+        >>> is_fixed("align", "none"), is_fixed("ignore", "none")
+        (True, False)
+    """
+    return (name, value) == (ALIGN, FIXED)
 
 
 def check_areas(pair: Pair, photo_t0: EncodedPhoto, photo_t1: EncodedPhoto) -> None:

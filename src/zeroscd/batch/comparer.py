@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.alignment.known import FIXED
 from zeroscd.batch.address import Fetcher
 from zeroscd.batch.task import FIRST, Outcome
 from zeroscd.cache import ExpiringCache
@@ -27,7 +26,7 @@ from zeroscd.fingerprint import (
     digest_weights,
     versions,
 )
-from zeroscd.given import ALIGN, Given
+from zeroscd.given import Given, is_fixed
 from zeroscd.images.exif import read_exif
 from zeroscd.images.read import read_photo
 
@@ -149,7 +148,7 @@ class PairComparer:
         return read_photo(file.content, name=file.address)
 
     def _given(self, name: str, value: str) -> bytes:
-        return FIXED.encode() if (name, value) == (ALIGN, FIXED) else self._fetch(value)
+        return value.encode() if is_fixed(name, value) else self._fetch(value)
 
     def _key(
         self, before: Sequence[_File], after: Sequence[_File], given: Mapping[str, bytes]

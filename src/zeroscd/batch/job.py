@@ -36,6 +36,8 @@ from zeroscd.progress import Silent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    import pyarrow as pa
+
     from zeroscd.batch.manifest import Manifest
     from zeroscd.batch.task import Task
     from zeroscd.progress import Progress
@@ -181,16 +183,19 @@ def _write_tables(journal: Journal, paths: WrittenPaths, summary: Summary) -> No
             summary.first_error = summary.first_error or row["error"]
             yield paths.in_row(row)
 
-    folder = paths.folder
-    views = journal.has_views()
-    columns = changes_schema(views=views, labels=journal.has_labels())
-    summary.regions = write_parquet(folder / CHANGES, journal.change_rows(), columns)
-    write_parquet(folder / PAIRS, counted(), pairs_schema(views=views))
+    folder, (of_pairs, of_changes) = paths.folder, _schemas(journal)
+    summary.regions = write_parquet(folder / CHANGES, journal.change_rows(), of_changes)
+    write_parquet(folder / PAIRS, counted(), of_pairs)
 
 
 def _write_csv_tables(journal: Journal, paths: WrittenPaths) -> None:
-    folder, views = paths.folder, journal.has_views()
-    columns = changes_schema(views=views, labels=journal.has_labels()).names
-    write_csv(folder / CHANGES_CSV, journal.change_rows(), columns)
+    folder, (of_pairs, of_changes) = paths.folder, _schemas(journal)
+    write_csv(folder / CHANGES_CSV, journal.change_rows(), of_changes.names)
     pairs = map(paths.in_row, journal.pair_rows())
-    write_csv(folder / PAIRS_CSV, pairs, pairs_schema(views=views).names)
+    write_csv(folder / PAIRS_CSV, pairs, of_pairs.names)
+
+
+def _schemas(journal: Journal) -> tuple[pa.Schema, pa.Schema]:
+    """Return the columns of the pairs' table and of the changes' table."""
+    views = journal.has_views()
+    return pairs_schema(views=views), changes_schema(views=views, labels=journal.has_labels())

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from zeroscd.alignment.known import FIXED
 from zeroscd.batch.address import resolve
-from zeroscd.given import ALIGN
+from zeroscd.given import is_fixed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,7 +24,7 @@ def resolve_given(given: Mapping[str, str], *, base: str) -> dict[str, str]:
         {'ignore': 'old/hood.png', 'align': 'none'}
     """
     return {
-        name: value if (name, value) == (ALIGN, FIXED) else resolve(value, base=base)
+        name: value if is_fixed(name, value) else resolve(value, base=base)
         for name, value in given.items()
     }
 

@@ -163,13 +163,14 @@ def compare(
     Raises:
         ImageError: A photo or an area cannot be read.
     """
+    from zeroscd.given import Given
     from zeroscd.images.read import read_photo
 
     known = given or {}
     with busy("reading the photos"):
         # Read twice, but a photo that is no good is refused before the networks are loaded.
         sizes = [read_photo(path).size_hw for path in (*before, *after)]
-        check_areas(known, sizes[: len(before)], sizes[len(before) :])
+        Given(**known).check(sizes[: len(before)], sizes[len(before) :])
     with busy("loading the networks"):
         from zeroscd.detector import Detector
 
@@ -178,30 +179,6 @@ def compare(
         )
     with busy("comparing"):
         return detector.detect(before, after, transients=transients, **known)
-
-
-def check_areas(
-    given: Mapping[str, Any],
-    sizes_before: Sequence[tuple[int, int]],
-    sizes_after: Sequence[tuple[int, int]],
-) -> None:
-    """Read every area once, to refuse those that do not fit the photos.
-
-    Raises:
-        ImageError: One cannot be read or does not fit.
-    """
-    from zeroscd.images.areas import read_area
-
-    of_photos = {
-        "ignore": sizes_after[:1],
-        "roi": sizes_after[:1],
-        "ignore_before": sizes_before[:1],
-        "roi_before": sizes_before[:1],
-        "ignore_all": [*sizes_before, *sizes_after],
-    }
-    for name, sizes in of_photos.items():
-        for size_hw in sizes if name in given else ():
-            read_area(given[name], size_hw=size_hw)
 
 
 def save_and_tell(result: ChangeResult, out: Path, *, also: Sequence[str] = ()) -> None:

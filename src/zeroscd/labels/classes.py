@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 # In the order of the benchmark (Zhou et al., CVPR 2017); the first of several names of each.
-NAMES = tuple(
-    """wall; building; sky; floor; tree; ceiling; road; bed; windowpane; grass; cabinet; sidewalk;
+_NAMES = """
+    wall; building; sky; floor; tree; ceiling; road; bed; windowpane; grass; cabinet; sidewalk;
     person; earth; door; table; mountain; plant; curtain; chair; car; water; painting; sofa; shelf;
     house; sea; mirror; rug; field; armchair; seat; fence; desk; rock; wardrobe; lamp; bathtub;
     railing; cushion; base; box; column; signboard; chest of drawers; counter; sand; sink;
@@ -25,15 +25,12 @@ NAMES = tuple(
     swimming pool; stool; barrel; basket; waterfall; tent; bag; minibike; cradle; oven; ball; food;
     step; tank; trade name; microwave; pot; animal; bicycle; lake; dishwasher; screen; blanket;
     sculpture; hood; sconce; vase; traffic light; tray; ashcan; fan; pier; crt screen; plate;
-    monitor; bulletin board; shower; radiator; glass; clock; flag""".replace("\n", " ").split("; ")
-)
-NAMES = tuple(" ".join(name.split()) for name in NAMES)
+    monitor; bulletin board; shower; radiator; glass; clock; flag"""
+NAMES = tuple(" ".join(name.split()) for name in _NAMES.split(";"))
 ID = {name: number for number, name in enumerate(NAMES)}
 
 GROUPS = {
-    "vehicle": (
-        *("car", "bus", "truck", "van", "bicycle", "minibike", "boat", "ship", "airplane"),
-    ),
+    "vehicle": ("car", "bus", "truck", "van", "bicycle", "minibike", "boat", "ship", "airplane"),
     "vegetation": ("tree", "palm", "plant", "flower", "grass", "field"),
     "water": ("water", "sea", "river", "lake", "waterfall", "fountain", "swimming pool"),
 }
