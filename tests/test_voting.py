@@ -1,4 +1,4 @@
-"""What the steps do for both photos of a pair."""
+"""The segments of both photos of a pair."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from zeroscd.device import threads
 from zeroscd.records import Segments
-from zeroscd.steps import all_segments
+from zeroscd.voting import all_segments
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask
