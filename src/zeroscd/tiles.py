@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from zeroscd.timer import StageTimer
 
 # What is worth a closer look must not depend on thresholds, which weigh evidence that is there
-# already. The share lies below that of every preset: weak change is looked at, too.
-RANKING = Settings(change=ChangeSettings(threshold="pair", tau_share=0.35))
+# already. A tenth of the way from the background to unrelated things: what fills a tenth of a patch
+# changes it little.
+RANKING = Settings(change=ChangeSettings(threshold="pair", tau_share=0.1))
 
 
 def look_closer(evidence: Evidence, *, models: Models, timer: StageTimer) -> Evidence:
