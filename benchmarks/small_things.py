@@ -135,7 +135,7 @@ def masks_of_stages(detector: Detector, evidence: Evidence) -> dict[str, Mask]:
         unite((one.segment for one in flag(own, change, settings.refine)), size_hw)
         for own, change, size_hw in zip(voters, coarse, pair.sizes_hw, strict=True)
     ]
-    cleaned = removed_and_added(pair, coarse, voters, settings.refine)
+    cleaned = removed_and_added(pair, seen, voters, settings.refine)
     judged = judge(pair, seen, cleaned, settings.judge).masks
     both = (coarse[0].changed, coarse[1].changed), flagged, cleaned, judged
     bring = pair.sides[1].bring_mask

@@ -18,12 +18,14 @@ from zeroscd.images.working import WORKING_PX
 from zeroscd.models import Models
 from zeroscd.records import FeatureMap, Segment
 from zeroscd.settings import PRESETS, Settings
+from zeroscd.views import sights
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.encoders.port import PatchEncoder
+    from zeroscd.judge.sight import Sight
 
 SIDE_PX = 128  # what the encoder resizes every photo to: eight patches a side
 SIZE_HW = (256, 256)
@@ -69,7 +71,7 @@ def detector(toy_encoder: PatchEncoder, cut_by_size: Any) -> Callable[..., Detec
 
 
 def centre_of(mask: Mask) -> np.ndarray:
-    return np.argwhere(mask).mean(axis=0)[::-1]
+    return np.asarray(np.argwhere(mask).mean(axis=0)[::-1])
 
 
 @pytest.mark.parametrize(
@@ -155,3 +157,19 @@ def test_several_views_are_each_looked_at_closer(
     result = detector(max_tiles=1).detect(old, scene.after)
     assert result.mask[scene.added_t1].mean() > 0.5
     assert result.regions[0].agreed_by == 3
+
+
+def test_strength_and_belief_are_measured_on_the_photos_as_wholes(
+    detector: Callable[..., Detector], draw_scene: Any
+) -> None:
+    scene = draw_scene(sizes_hw=(SIZE_HW, SIZE_HW), smooth=True, added=[THING])
+
+    def seen(max_tiles: int) -> tuple[Sight, Sight]:
+        one = detector(max_tiles=max_tiles)
+        photos = one.encode([scene.before, scene.after])
+        return sights(one.compare(*photos, t1_from_t0="none"), one.settings, tau=0.65)
+
+    for plain, closer in zip(seen(0), seen(1), strict=True):
+        assert plain.whole is plain.coarse
+        np.testing.assert_array_equal(closer.whole.distance, plain.coarse.distance)
+        assert closer.coarse.distance.max() > plain.coarse.distance.max() + 0.1

@@ -250,7 +250,7 @@ class Detector:
             segments = segments_of(evidence, coarse)
         with timer.stage("refine"):
             rules = chosen.refine if not evidence.others else several(chosen.refine)
-            masks = removed_and_added(pair, coarse, segments, rules)
+            masks = removed_and_added(pair, seen, segments, rules)
         with timer.stage("judge"):
             judged = judge(pair, seen, masks, chosen.judge)
             judged = leave_out(judged, pair, min_area_px=rules.min_area_px)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from zeroscd.change.fusion import Fusion
     from zeroscd.evidence import EncodedPhoto
     from zeroscd.judge.ground import Ground
+    from zeroscd.judge.sight import Sight
     from zeroscd.records import Alignment
     from zeroscd.settings import AlignSettings, ChangeSettings, RefineSettings, Settings
     from zeroscd.timer import StageTimer
@@ -166,12 +167,13 @@ def _coarse_of_both(
 
 def removed_and_added(
     pair: Pair,
-    coarse: tuple[CoarseChange, CoarseChange],
+    seen: tuple[Sight, Sight],
     voters: tuple[Voters, Voters],
     refine: RefineSettings,
 ) -> tuple[Mask, Mask]:
     """Vote, check a second time, assign kinds and clean up; removed (t0), added (t1)."""
     side_t0, side_t1 = pair.sides
+    coarse = seen[0].coarse, seen[1].coarse
     flagged_t0, flagged_t1 = (
         flag(own, change, refine) for own, change in zip(voters, coarse, strict=True)
     )
@@ -194,8 +196,8 @@ def removed_and_added(
         for photo in (pair.photo_t0, pair.photo_t1)
     )
     return (
-        _clean(removed_t0, coarse[0], cleaning_t0),
-        _clean(added_t1, coarse[1], cleaning_t1),
+        _clean(removed_t0, seen[0].whole, cleaning_t0),
+        _clean(added_t1, seen[1].whole, cleaning_t1),
     )
 
 

@@ -87,7 +87,8 @@ def test_a_small_thing_stands_out_more_than_a_large_one() -> None:
     small, large = (20, 20, 12, 12), (80, 40, 70, 70)
     found = small_change(spots(small, large), allowed)
     row, col = np.unravel_index(int(found.argmax()), found.shape)
-    assert (20 <= col < 32, 20 <= row < 32) == (True, True)
+    assert 20 <= col < 32
+    assert 20 <= row < 32
 
 
 def test_nothing_is_looked_at_below_the_threshold_or_where_it_is_not_allowed() -> None:
