@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from zeroscd.device import side_by_side
+from zeroscd.images.components import small_components
 from zeroscd.images.tiles import window_of
 from zeroscd.records import Segments
-from zeroscd.refine.vote import vote
+from zeroscd.refine.vote import unite, vote
 from zeroscd.segmenters.port import OneThreadProposals
 from zeroscd.segmenters.tiles import segments_in_photo
 
@@ -21,9 +22,9 @@ if TYPE_CHECKING:
     from zeroscd.settings import RefineSettings
 
 # Share of coarse change above which a segment of a tile is flagged: distances reach beyond a small
-# thing, and so do those of what lies beside it. Of .75, .9, .95 and .99 the best on half of
-# street-composite-dev and on street-real2-dev as wholes (docs/small-things.md).
-FINER_ALPHA = 0.9
+# thing, and so do those of what lies beside it. docs/small-things.md has what was tried.
+FINER_ALPHA = 0.95
+SMALL_SHARE = 0.02  # of the photo: segments of tiles that make up more than that are no small thing
 
 
 class Voters(NamedTuple):
@@ -94,4 +95,14 @@ def flag(voters: Voters, coarse: CoarseChange, refine: RefineSettings) -> list[F
     """Flag the segments of one photo that are mostly coarse change (paper, step 5)."""
     whole = vote(voters.whole, coarse, alpha=refine.alpha, partial_segments=refine.partial_segments)
     alpha = max(refine.alpha, FINER_ALPHA)
-    return whole + vote(voters.finer, coarse, alpha=alpha, partial_segments=refine.partial_segments)
+    return whole + _small_things(
+        vote(voters.finer, coarse, alpha=alpha, partial_segments=refine.partial_segments),
+        voters.finer.size_hw,
+    )
+
+
+def _small_things(flagged: list[Flagged], size_hw: tuple[int, int]) -> list[Flagged]:
+    """Keep the segments that make up a small thing together with those they touch."""
+    united = unite((one.segment for one in flagged), size_hw)
+    small = small_components(united, min_area_px=int(SMALL_SHARE * united.size))
+    return [one for one in flagged if small[one.segment.window][one.segment.crop()].all()]
