@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # surrounds it. Our choice: a thing of 2 % of a photo is 0.14 of it wide.
 THING_SHARE, SURROUNDINGS_SHARE = 1 / 48, 1 / 12
 RANKED_SIDE = 192  # places are ranked at about this squared: a tile need not hit a pixel
-TILE_WEIGHT = 0.5  # of a tile's distance beside the photo's own; docs/small-things.md has others
+TILE_WEIGHT = 0.5  # of a tile's distance beside the photo's own (docs/small-things.md)
 
 
 def small_change(excess: Map, allowed: Mask) -> Map:
