@@ -157,7 +157,9 @@ def test_the_segments_are_the_nodes_of_the_tree_that_fit(seed: int, everywhere: 
         least_px = lite.MIN_CELLS * 4  # a cell has four pixels
         if least_px <= mask.sum() <= lite.LARGEST_SHARE * mask.size and inside.any():
             expected.append(mask)
-    proposals = lite.LiteProposals(cast("BoundaryHead", None), np.empty((12, 14, 3), np.uint8), (), size_hw)
+    proposals = lite.LiteProposals(
+        cast("BoundaryHead", None), np.empty((12, 14, 3), np.uint8), (), size_hw
+    )
     proposals._tree = tree
     found = list(proposals.segments(roi))
     assert len(found) == len(expected)
