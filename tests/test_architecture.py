@@ -24,7 +24,7 @@ LAYERS = (
     ("output",),
     ("ledger", "settings", "device"),
     ("images",),  # the door and the grid: the geometry that all stages share
-    ("records",),
+    ("records", "segments"),
     ("weights",),
     ("encoders", "alignment", "change", "segmenters", "refine", "judge", "labels"),
     ("models", "evidence", "pages"),

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 from zeroscd.device import threads
-from zeroscd.records import Segments
+from zeroscd.segments import Segments
 from zeroscd.steps import all_segments
 
 if TYPE_CHECKING:

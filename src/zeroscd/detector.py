@@ -12,7 +12,7 @@ from zeroscd.evidence import EncodedPhoto, Evidence, encoded_photo
 from zeroscd.full_size import at_full_size, not_judged
 from zeroscd.given import Given, check_areas
 from zeroscd.images.read import listed, read_photo
-from zeroscd.images.working import enlarge_map, enlarge_mask
+from zeroscd.images.working import enlarge_mask
 from zeroscd.judging import changed_in, judge, leave_out
 from zeroscd.labelling import label_parts
 from zeroscd.labels.classes import class_ids
@@ -270,7 +270,7 @@ class Detector:
             added=judged.masks[1],
             unknown=not_judged(judged, chosen.frame, mask),
             unseen=enlarge_mask(coarse[at].unknown, mask.shape) & ~mask,
-            heatmap=enlarge_map(coarse[at].distance, mask.shape),
+            distance=coarse[at].distance,
             regions=regions,
             alignment=evidence.whole_alignment(),
             settings=chosen,

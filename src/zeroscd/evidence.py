@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from zeroscd.images.areas import AreaSource
     from zeroscd.images.photo import Photo
     from zeroscd.judge.ground import Ground
-    from zeroscd.records import Alignment, FeatureMap, FurtherPhoto, Segments
+    from zeroscd.records import Alignment, FeatureMap, FurtherPhoto
     from zeroscd.segmenters.port import MaskProposals, Segmenter
+    from zeroscd.segments import Segments
     from zeroscd.settings import Settings
 
 

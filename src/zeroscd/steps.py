@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.evidence import EncodedPhoto
     from zeroscd.judge.ground import Ground
-    from zeroscd.records import Alignment, Segments
+    from zeroscd.records import Alignment
+    from zeroscd.segments import Segments
     from zeroscd.settings import AlignSettings, ChangeSettings, RefineSettings, Settings
     from zeroscd.timer import StageTimer
 

@@ -96,7 +96,7 @@ def test_a_result_becomes_features_through_the_rows_of_the_tables() -> None:
         added=nothing,
         unknown=nothing,
         unseen=nothing,
-        heatmap=nothing.astype(np.float32),
+        distance=nothing.astype(np.float32),
         regions=(region,),
         alignment=NotAligned(reason="toy", inliers=0, matches=0),
         settings=Settings(),

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zeroscd.encoders.lite import load as load_encoder
-from zeroscd.records import Segment, Segments
 from zeroscd.segmenters import lite
 from zeroscd.segmenters.hierarchy import Hierarchy, build_hierarchy
 from zeroscd.segmenters.lite import LiteSegmenter
 from zeroscd.segmenters.lite import load as load_segmenter
 from zeroscd.segmenters.nested import Leaves, nested_segments
+from zeroscd.segments import Segment, Segments
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from zeroscd.arrays import Mask
-    from zeroscd.records import CoarseChange, Segment, Segments
+    from zeroscd.records import CoarseChange
+    from zeroscd.segments import Segment, Segments
 
 MIN_KNOWN = 0.3  # share of a segment that both photos must show before it may be flagged
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from zeroscd.images.components import convex_hulls
-from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, points_in_roi
 from zeroscd.segmenters.selection import (
     box_nms,
@@ -21,6 +20,7 @@ from zeroscd.segmenters.selection import (
     remove_small_regions,
     stability_score,
 )
+from zeroscd.segments import Segment, Segments
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from zeroscd.arrays import Mask, Rgb
-    from zeroscd.records import FeatureMap, Segments
+    from zeroscd.records import FeatureMap
     from zeroscd.segmenters.hierarchy import Hierarchy
+    from zeroscd.segments import Segments
     from zeroscd.settings import Settings
 
 LARGEST_SHARE = 0.5  # of a photo; larger segments are the scene, not a thing in it

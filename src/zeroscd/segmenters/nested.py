@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from zeroscd.records import Segment, Segments
+from zeroscd.segments import Segment, Segments
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
