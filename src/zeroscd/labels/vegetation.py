@@ -54,12 +54,9 @@ def find_vegetation(photo: Rgb) -> Mask:
     strength, direction = _gradient(small)
     brightness = _mean(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), side_px)
     dense = _mean(strength > CONTRAST * (brightness + DARK), side_px) > DENSE
-    found = dense & _undirected(strength, direction, side_px)
-    # A thing smaller than a square looks textured because of its own outline.
-    square = np.ones((side_px, side_px), np.uint8)
-    wide = cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_OPEN, square)
+    found = _wide(dense & _undirected(strength, direction, side_px), side_px)
     size_wh = photo.shape[1], photo.shape[0]
-    whole = cv2.resize(wide, size_wh, interpolation=cv2.INTER_NEAREST_EXACT)
+    whole = cv2.resize(found.astype(np.uint8), size_wh, interpolation=cv2.INTER_NEAREST_EXACT)
     return np.asarray(whole, dtype=bool)
 
 
@@ -90,6 +87,12 @@ def _undirected(strength: Map, direction: Map, side_px: int) -> Mask:
         along_x, along_y = cv2.polarToCart(strength, fold * direction)
         lengths.append(np.hypot(_mean(along_x, side_px), _mean(along_y, side_px)))
     return np.asarray(np.maximum(*lengths) < most)
+
+
+def _wide(found: Mask, side_px: int) -> Mask:
+    """Drop what is narrower than a square: a small thing looks textured by its own outline."""
+    square = np.ones((side_px, side_px), np.uint8)
+    return cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_OPEN, square).astype(bool)
 
 
 def _mean(values: NDArray[Any], side_px: int) -> NDArray[np.float32]:
