@@ -108,17 +108,18 @@ def test_edges_may_be_almost_twice_as_strong_along_one_direction_as_across_it() 
     assert stretched(3) < 0.1
 
 
-def test_the_noise_of_a_camera_is_none(street: Rgb) -> None:
-    rng = np.random.default_rng(2)
-    for grey in (20, 60, 120, 220):
-        flat = np.clip(rng.normal(grey, 1.5, (HEIGHT, WIDTH, 1)), 0, 255).astype(np.uint8)
-        assert not find_vegetation(np.repeat(flat, 3, axis=2)).any()
+@pytest.mark.parametrize(("grey", "sigma"), [(6, 1), (20, 1.5), (60, 2), (120, 3), (220, 4)])
+def test_the_noise_of_a_camera_is_none(grey: float, sigma: float) -> None:
+    """Noise grows with the light."""
+    noise = np.random.default_rng(2).normal(grey, sigma, (HEIGHT, WIDTH, 1))
+    flat = np.repeat(np.clip(noise, 0, 255).astype(np.uint8), 3, axis=2)
+    assert not find_vegetation(flat).any()
 
 
 def test_a_shorter_exposure_shows_the_same_tree(
     street: Rgb, iou: Callable[[Mask, Mask], float]
 ) -> None:
-    assert iou(find_vegetation(street // 2), find_vegetation(street)) > 0.9
+    assert iou(find_vegetation(street // 6), find_vegetation(street)) > 0.8
 
 
 def test_a_turned_photo_gives_the_turned_answer(
@@ -131,16 +132,16 @@ def test_a_turned_photo_gives_the_turned_answer(
 def test_a_large_photo_is_answered_in_its_own_pixels(
     street: Rgb, iou: Callable[[Mask, Mask], float]
 ) -> None:
-    large = cv2.resize(street, None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC)
+    large = cv2.resize(street, None, fx=8, fy=8, interpolation=cv2.INTER_CUBIC)
     found = find_vegetation(np.asarray(large, np.uint8))
-    assert found.shape == (3 * HEIGHT, 3 * WIDTH)
-    assert iou(found, np.kron(tree(), np.ones((3, 3), bool))) > 0.75
+    assert found.shape == (8 * HEIGHT, 8 * WIDTH)
+    assert iou(found, np.kron(tree(), np.ones((8, 8), bool))) > 0.75
 
 
 def test_a_textured_thing_smaller_than_a_square_is_none(street: Rgb) -> None:
     photo = street.copy()
     photo[TREE] = 180
-    photo[120:130, 340:350] = painted(leaves((10, 10)))
+    photo[120:139, 340:359] = painted(leaves((19, 19)))
     assert not find_vegetation(photo).any()
 
 
