@@ -52,16 +52,14 @@ NEIGHBOURS: Mapping[str, tuple[float, float]] = {
     "CONTRAST": (0.03, 0.05),
     "SIDE_PX": (420, 560),
 }
-AS_IT_IS = "as it is"
-NARROW_TOO = "what is narrower than a square, too"
 VARIANTS: Mapping[str, Mapping[str, Any]] = {
-    AS_IT_IS: {},
+    "as it is": {},
     **{
         f"{name} {value:.3g}": {name: value}
         for name, values in NEIGHBOURS.items()
         for value in values
     },
-    NARROW_TOO: {"_wide": lambda found, _: found},
+    "what is narrower than a square, too": {"_wide": lambda found, _: found},
 }
 
 

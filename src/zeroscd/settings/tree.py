@@ -181,10 +181,7 @@ class Settings:
         "all", "which changes are kept, by their support", paper="all", threshold=True
     )
     vegetation: Literal["report", "ignore"] = setting(
-        "report",
-        "what looks like trees, hedges and grass is reported, or left out",
-        paper="report",
-        threshold=True,
+        "report", "trees and hedges are reported, or left out", paper="report", threshold=True
     )
     consensus: Share = setting(
         0.8,
