@@ -98,3 +98,15 @@ def test_the_committed_changes_have_every_way_that_is_measured(
 ) -> None:
     content = json.loads((RESULTS / "changes.json").read_text())
     assert all(tuple(ways) == vegetation_changes.WAYS for ways in content["sets"].values())
+
+
+def test_the_docs_quote_what_was_measured() -> None:
+    page = (RESULTS.parents[2] / "docs" / "vegetation.md").read_text(encoding="utf-8")
+    sets = json.loads((RESULTS / "changes.json").read_text())["sets"]
+    for name in ("real2", "real", "composite"):
+        f1 = [f"{sets[name][way]['f1_macro']:.3f}"[1:] for way in ("vegetation=report", "as it is")]
+        (line,) = (line for line in page.splitlines() if f"street-{name}-dev)" in line)
+        assert line.replace("*", "").endswith(f"| F1 | {f1[0]} | {f1[1]} |")
+    trees = json.loads((RESULTS / "pixels.json").read_text())["found_by"]["as it is"]
+    quoted = " | ".join(f"{trees[key]:.2f}"[1:] for key in ("precision", "recall", "iou"))
+    assert f"| texture, as it is | {quoted} (" in page
