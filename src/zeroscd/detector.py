@@ -254,7 +254,7 @@ class Detector:
         with timer.stage("judge"):
             judged = judge(pair, seen, masks, chosen.judge)
             judged = leave_out(judged, pair, min_area_px=rules.min_area_px)
-            judged = label_parts(judged, pair, ignored=self.ignored_classes)
+            judged = label_parts(judged, pair, ignored=self.ignored_classes, settings=chosen)
             pair, judged = at_full_size(pair, judged, min_area_px=rules.min_area_px)
             regions = find_regions(
                 *judged.parts, (coarse[0].unknown, coarse[1].unknown), sizes_hw=pair.sizes_hw
