@@ -124,16 +124,21 @@ def encoded_photo(photo: Photo, maps: tuple[FeatureMap, ...], segmenter: Segment
         segmenter: Cuts it into segments.
     """
     working = working_photo(photo)
+    # A segmenter around the encoder's network takes the embedding; to any other it means nothing.
     if working is photo:
-        return EncodedPhoto(photo, maps, segmenter.proposals(photo.pixels, maps))
-    sizes_hw = photo.size_hw, working.size_hw
-    resized = tuple(replace(one, grid=one.grid.resized(*sizes_hw)) for one in maps)
+        proposals = segmenter.proposals(photo.pixels, maps)
+        return EncodedPhoto(photo, _without_embeddings(maps), proposals)
+    resized = tuple(one.resized(photo.size_hw, working.size_hw) for one in maps)
     proposals = (
         segmenter.proposals_at(photo.pixels, resized, size_hw=working.size_hw)
         if isinstance(segmenter, SizedSegmenter)
         else segmenter.proposals(working.pixels, resized)
     )
-    return EncodedPhoto(photo, resized, proposals, smaller=working)
+    return EncodedPhoto(photo, _without_embeddings(resized), proposals, smaller=working)
+
+
+def _without_embeddings(maps: tuple[FeatureMap, ...]) -> tuple[FeatureMap, ...]:
+    return tuple(one if one.embedding is None else replace(one, embedding=None) for one in maps)
 
 
 @dataclass(frozen=True, slots=True)
