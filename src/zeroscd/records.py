@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 
+from zeroscd.images.boxes import count_in_boxes
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -131,13 +133,29 @@ class Segments:
     """
 
     size_hw: tuple[int, int]
-    items: tuple[Segment, ...]
+    items: Sequence[Segment]
 
     def __len__(self) -> int:
         return len(self.items)
 
     def __iter__(self) -> Iterator[Segment]:
         return iter(self.items)
+
+    @property
+    def areas_px(self) -> NDArray[np.intp]:
+        """Number of pixels of each segment, (N,)."""
+        return np.array([one.area_px for one in self.items], dtype=np.intp)
+
+    def count(self, mask: Mask) -> NDArray[np.intp]:
+        """Count the pixels of a mask (H, W) in each segment, (N,)."""
+        boxes_xywh = np.array([one.bbox_xywh for one in self.items], dtype=np.intp).reshape(-1, 4)
+        corners, sizes = boxes_xywh[:, :2], boxes_xywh[:, 2:]
+        in_boxes = count_in_boxes(mask, np.hstack([corners, corners + sizes]))
+        counts = np.where(in_boxes == 0, 0, self.areas_px)  # right where the box is empty or full
+        for at in np.flatnonzero((in_boxes > 0) & (in_boxes < sizes.prod(axis=1))).tolist():
+            one = self.items[at]
+            counts[at] = np.count_nonzero(one.crop() & mask[one.window])
+        return counts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
