@@ -20,6 +20,7 @@ import resource
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from unittest import mock
 
 import cv2
 import numpy as np
@@ -45,23 +46,18 @@ from zeroscd.evaluation.report.tables import Table, number
 from zeroscd.evaluation.run import Run, evaluate
 from zeroscd.evidence import encoded_photo
 from zeroscd.images.photo import Photo
-from zeroscd.models import Models, load_models
 from zeroscd.output import write_json
-from zeroscd.records import Segments
-from zeroscd.segmenters import sam
+from zeroscd.segmenters import lite, sam
 from zeroscd.segmenters.automatic import AutomaticSegmenter
-from zeroscd.segmenters.boundary import STRIDE_PX
-from zeroscd.segmenters.hierarchy import build_hierarchy
-from zeroscd.segmenters.lite import MIN_CELLS, leaves_to_pixels, tree_segments
+from zeroscd.segmenters.boundary import STRIDE_PX, boundary_map
 from zeroscd.settings import preset
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
-    from zeroscd.arrays import Map, Mask, Rgb
+    from zeroscd.arrays import Map, Rgb
     from zeroscd.encoders.port import PatchEncoder
-    from zeroscd.records import FeatureMap
-    from zeroscd.segmenters.hierarchy import Hierarchy
+    from zeroscd.records import FeatureMap, Segments
     from zeroscd.segmenters.sam_network import Sam2Network, SamNetwork
     from zeroscd.settings import Settings
 
@@ -135,13 +131,13 @@ def measure_cost(name: str, device: str, precision: str, threads: int, runs: int
     photos = [blank(), blank()]
     encoders = [_timed(lambda: arrangement.encode(photos), device) for _ in range(runs)]
     encoded = _peak_bytes()
+    features = [_timed(lambda: arrangement.encoder.encode(photos), device) for _ in range(runs)]
     pair = _timed(lambda: arrangement.compare(photos), device)
     return {
         "encoder": settings.encoder,
         "segmenter": settings.segmenter,
-        "encoders_of_a_pair": {
-            clock: float(np.median([run[clock] for run in encoders])) for clock in encoders[0]
-        },
+        "features_of_a_pair": _median(features),
+        "encoders_of_a_pair": _median(encoders),
         "encoders_and_segments_of_a_pair": pair,
         "peak_bytes": {"loaded": loaded, "encoders": encoded, "pair": _peak_bytes()},
         "graphics_peak_bytes": torch.cuda.max_memory_allocated() if device == "cuda" else None,
@@ -152,6 +148,10 @@ def _timed(work: Callable[[], object], device: str) -> dict[str, float]:
     with Stopwatch(device) as watch:
         work()
     return watch.seconds()
+
+
+def _median(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    return {clock: float(np.median([run[clock] for run in runs])) for clock in runs[0]}
 
 
 def _peak_bytes() -> int:
@@ -198,76 +198,46 @@ def over(one: Mapping[str, Any], robust: Mapping[str, Any]) -> dict[str, float]:
     return seconds | peaks
 
 
-@dataclass(frozen=True, slots=True)
-class PatchSegmenter:
-    """Segments from an encoder's own descriptors: a tree of regions; borders are where they change.
+def patch_borders(_: object, working: Rgb, maps: Sequence[FeatureMap]) -> Map:
+    """Stand in for lite's `boundary_map`: how fast its descriptors change from patch to patch.
 
-    Attributes:
-        sources: Depths that are looked at.
-        name: For the record.
+    Returns:
+        (H / 2, W / 2) 0..1, half the distance of descriptors that lie one patch side apart.
     """
-
-    sources: tuple[str, ...]
-    name: str = "patches"
-
-    def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> PatchProposals:
-        """Build the tree."""
-        chosen = [one for one in features if one.source in self.sources]
-        finest = features[-1].grid.size_hw
-        size_hw = finest[0] * 4 // STRIDE_PX, finest[1] * 4 // STRIDE_PX
-        return PatchProposals(build_hierarchy(borders(chosen, size_hw)), photo.shape[:2])
-
-
-@dataclass(frozen=True, slots=True)
-class PatchProposals:
-    """The tree of a photo; its size is not asked for here."""
-
-    tree: Hierarchy
-    photo_hw: tuple[int, int]
-    size_bytes: int = 0
-
-    def segments(self, roi: Mask | None) -> Segments:
-        """Return the nodes of the tree that touch the region of interest, as lite does."""
-        leaf_of = leaves_to_pixels(self.tree.leaf_of, self.photo_hw)
-        min_area_px = MIN_CELLS * leaf_of.size / self.tree.leaf_of.size
-        found = tree_segments(self.tree, leaf_of, roi=roi, min_area_px=min_area_px)
-        return Segments(size_hw=self.photo_hw, items=tuple(found))
-
-
-def borders(maps: list[FeatureMap], size_hw: tuple[int, int]) -> Map:
-    """Return the mean over some depths of how fast descriptors change, 0..1, at every cell."""
-    rows, cols = size_hw
-    total = np.zeros(size_hw, dtype=np.float32)
-    for one in maps:
-        reach = max(1, round(rows / one.grid.size_hw[0] / 2))  # half a patch each way
-        channels = np.moveaxis(one.descriptors, 2, 0)
-        resized = np.dstack([cv2.resize(channel, (cols, rows)) for channel in channels])
-        wide = np.pad(resized, ((reach, reach), (reach, reach), (0, 0)), mode="edge")
-        across = wide[reach:-reach, 2 * reach :] - wide[reach:-reach, : -2 * reach]
-        down = wide[2 * reach :, reach:-reach] - wide[: -2 * reach, reach:-reach]
-        total += np.maximum(np.linalg.norm(across, axis=2), np.linalg.norm(down, axis=2)) / 2
-    return np.clip(total / len(maps), 0, 1)
+    (one,) = (one for one in maps if one.source == PATCH_DEPTH)
+    rows, cols = (side // STRIDE_PX for side in working.shape[:2])
+    reach = rows // one.grid.size_hw[0] // 2
+    channels = [cv2.resize(each, (cols, rows)) for each in np.moveaxis(one.descriptors, 2, 0)]
+    wide = np.pad(np.dstack(channels), ((reach, reach), (reach, reach), (0, 0)), mode="edge")
+    across = wide[reach:-reach, 2 * reach :] - wide[reach:-reach, : -2 * reach]
+    down = wide[2 * reach :, reach:-reach] - wide[: -2 * reach, reach:-reach]
+    steepest = np.maximum(np.linalg.norm(across, axis=2), np.linalg.norm(down, axis=2))
+    return np.asarray(np.clip(steepest / 2, 0, 1), dtype=np.float32)
 
 
 def segments(options: argparse.Namespace) -> None:
     """Score lite with its own borders and with those of its descriptors."""
-    settings = preset("lite")
-    loaded = load_models(settings, device="cpu")
-    segmenters = {
-        "learned borders (lite)": loaded.segmenter,
-        "borders of its patches at stride 16": PatchSegmenter((PATCH_DEPTH,)),
-    }
+    detector = Detector.from_preset("lite", device="cpu")
     rows: dict[str, dict[str, Any]] = {}
-    for kind, segmenter in segmenters.items():
-        detector = Detector(settings, Models(loaded.encoder, segmenter), preset="lite")
+    for kind, boundary in BORDERS.items():
         rows[kind] = {}
         for name in STAND_IN_SETS:
             dataset = open_root(options.data / SETS[name]).first(options.limit)
             run = Run(detector=detector, out=options.out / "runs" / kind / name)
-            rows[kind][name] = figures(evaluate(dataset, run))
+            with mock.patch.object(lite, "boundary_map", boundary):
+                rows[kind][name] = figures(evaluate(dataset, run))
     print(table(rows).to_text())
-    content = {"schema": 1, "commit": commit(), "settings": settings.to_dict(), "segments": rows}
+    content = {
+        "schema": 1,
+        "commit": commit(),
+        "limit": options.limit,
+        "settings": detector.settings.to_dict(),
+        "segments": rows,
+    }
     write_json(content, options.out / "segments.json")
+
+
+BORDERS = {"learned borders": boundary_map, "borders of its patches": patch_borders}
 
 
 def table(rows: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Table:

@@ -9,6 +9,7 @@ import numpy as np
 
 from zeroscd.alignment.homography import apply, invert, scaling
 from zeroscd.alignment.warp import unseen, warp_map, warp_mask
+from zeroscd.image_embedding import descriptors_alone, resized
 from zeroscd.images.areas import read_area
 from zeroscd.images.bars import empty_edges
 from zeroscd.images.working import shrink_mask, working_photo
@@ -124,21 +125,20 @@ def encoded_photo(photo: Photo, maps: tuple[FeatureMap, ...], segmenter: Segment
         segmenter: Cuts it into segments.
     """
     working = working_photo(photo)
-    # A segmenter around the encoder's network takes the embedding; to any other it means nothing.
     if working is photo:
-        proposals = segmenter.proposals(photo.pixels, maps)
-        return EncodedPhoto(photo, _without_embeddings(maps), proposals)
-    resized = tuple(one.resized(photo.size_hw, working.size_hw) for one in maps)
+        # A segmenter around the encoder's network keeps the embedding that came with the maps.
+        return EncodedPhoto(photo, _alone(maps), segmenter.proposals(photo.pixels, maps))
+    smaller = tuple(resized(one, photo.size_hw, working.size_hw) for one in maps)
     proposals = (
-        segmenter.proposals_at(photo.pixels, resized, size_hw=working.size_hw)
+        segmenter.proposals_at(photo.pixels, smaller, size_hw=working.size_hw)
         if isinstance(segmenter, SizedSegmenter)
-        else segmenter.proposals(working.pixels, resized)
+        else segmenter.proposals(working.pixels, smaller)
     )
-    return EncodedPhoto(photo, _without_embeddings(resized), proposals, smaller=working)
+    return EncodedPhoto(photo, _alone(smaller), proposals, smaller=working)
 
 
-def _without_embeddings(maps: tuple[FeatureMap, ...]) -> tuple[FeatureMap, ...]:
-    return tuple(one if one.embedding is None else replace(one, embedding=None) for one in maps)
+def _alone(maps: tuple[FeatureMap, ...]) -> tuple[FeatureMap, ...]:
+    return tuple(descriptors_alone(one) for one in maps)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -26,17 +26,6 @@ Frame: TypeAlias = Literal["t0", "t1"]
 Kind: TypeAlias = Literal["removed", "added", "transient"]
 
 
-class ImageEmbedding(Protocol):
-    """A photo after the image encoder of a promptable segmenter; opaque to all others."""
-
-    @property
-    def size_bytes(self) -> int:
-        """Memory it takes."""
-
-    def resized(self, photo_hw: tuple[int, int]) -> ImageEmbedding:
-        """Return the same for the same photo at another size."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureMap:
     """Patch descriptors of one photo at one depth of an encoder.
@@ -44,20 +33,12 @@ class FeatureMap:
     Attributes:
         descriptors: (rows, cols, d) float32, unit length along d.
         grid: Where the patch centres lie, in pixels of the photo.
-        source: Encoder and depth, for stages that know them.
-        embedding: What the same pass through the network gave for segments; None where the encoder
-            is no segmenter, and once the segmenter has it.
+        source: Encoder and depth, for stages that were trained on them.
     """
 
     descriptors: Descriptors
     grid: PatchGrid
     source: str = ""
-    embedding: ImageEmbedding | None = field(default=None, repr=False)
-
-    def resized(self, from_hw: tuple[int, int], to_hw: tuple[int, int]) -> FeatureMap:
-        """Return the same of the same photo at another size."""
-        embedding = None if self.embedding is None else self.embedding.resized(to_hw)
-        return replace(self, grid=self.grid.resized(from_hw, to_hw), embedding=embedding)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,8 +20,8 @@ from torch.nn import functional
 
 from zeroscd.encoders.taus import TAUS
 from zeroscd.encoders.transformer import checked_layer
+from zeroscd.image_embedding import SharedFeatureMap
 from zeroscd.images.grid import PatchGrid
-from zeroscd.records import FeatureMap
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from zeroscd.arrays import Descriptors, Rgb
-    from zeroscd.records import ImageEmbedding
+    from zeroscd.image_embedding import ImageEmbedding
+    from zeroscd.records import FeatureMap
     from zeroscd.settings import Settings
 
 # Of SAM ViT-H's 32 blocks GeSCF takes the keys of number 17.
@@ -84,15 +85,16 @@ class SamEncoder:
         """
         return [(self._encode(photo),) for photo in photos]
 
-    def _encode(self, photo: Rgb) -> FeatureMap:
+    def _encode(self, photo: Rgb) -> SharedFeatureMap:
         with self.tap.listening() as heard:
             embedding = self.network.embed(photo)
         with self.network.computing():
             descriptors = unit_keys(self.tap.block.attn, heard[-1][0])
-        return FeatureMap(
+        return SharedFeatureMap(
             descriptors=descriptors,
             grid=_grid(descriptors.shape[:2], photo.shape[:2], side_px=self.network.side_px),
             source=f"{self.name}.{self.layer}",
+            network=self.name,
             embedding=embedding,
         )
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from zeroscd.image_embedding import embedding_of
 from zeroscd.images.components import convex_hulls
 from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, points_in_roi
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from zeroscd.arrays import Mask, PointsXy, Rgb
-    from zeroscd.records import FeatureMap, ImageEmbedding
+    from zeroscd.image_embedding import ImageEmbedding
+    from zeroscd.records import FeatureMap
     from zeroscd.settings import SegmentSettings
 
 # Masks upscaled together, at four bytes a pixel. The allocator does not keep arrays above 32 MB,
@@ -99,9 +101,11 @@ class AutomaticSegmenter:
             photo: (H, W, 3) uint8 RGB.
             features: The photo's feature maps; of those of this network the embedding is taken.
         """
-        own = (one.embedding for one in features if one.source.rpartition(".")[0] == self.name)
         return AutomaticProposals(
-            network=self.network, settings=self.settings, photo=photo, embedding=next(own, None)
+            network=self.network,
+            settings=self.settings,
+            photo=photo,
+            embedding=embedding_of(self.name, features),
         )
 
 
