@@ -1,11 +1,11 @@
 """One network for features and segments: what it costs beside two, and what the other way would be.
 
-    python benchmarks/single.py cost NAME [--threads 2] [--runs 3] [--device auto]
+    python benchmarks/single.py cost NAME [--threads 2] [--runs 3] [--device auto] [--only ...]
     python benchmarks/single.py segments DATA_ROOT -o OUT [--limit N]
 
 `cost` measures a pair with networks of the real size and random weights: the two of preset
 `robust`, and one for both jobs; each in a process of its own. Writes
-benchmarks/results/single/NAME.json.
+benchmarks/results/single/NAME.json; with --only, what it says of the others stays.
 
 `segments` asks what segments from an encoder's own patch descriptors are worth, the way to one
 network without a segmenter. lite stands in for the encoder: its learned borders against borders
@@ -15,10 +15,13 @@ where its own descriptors change, on development sets. Writes OUT/segments.json 
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
+import os
 import resource
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any
 from unittest import mock
 
@@ -44,8 +47,6 @@ from zeroscd.encoders import sam as sam_encoder
 from zeroscd.evaluation.datasets.folder import open_root
 from zeroscd.evaluation.report.tables import Table, number
 from zeroscd.evaluation.run import Run, evaluate
-from zeroscd.evidence import encoded_photo
-from zeroscd.images.photo import Photo
 from zeroscd.output import write_json
 from zeroscd.segmenters import lite, sam
 from zeroscd.segmenters.automatic import AutomaticSegmenter
@@ -53,12 +54,11 @@ from zeroscd.segmenters.boundary import STRIDE_PX, boundary_map
 from zeroscd.settings import preset
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from zeroscd.arrays import Map, Rgb
     from zeroscd.encoders.port import PatchEncoder
-    from zeroscd.records import FeatureMap, Segments
-    from zeroscd.segmenters.sam_network import Sam2Network, SamNetwork
+    from zeroscd.records import FeatureMap
     from zeroscd.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "single"
@@ -68,25 +68,22 @@ ARRANGEMENTS: Mapping[str, tuple[str, Mapping[str, object]]] = {
     "single": ("single", {}),
     "single, tiny": ("single", {"encoder": "sam2.1-tiny", "segmenter": "sam2.1-tiny"}),
 }
+CLOCKS = ("wall", "processor")
 STAND_IN_SETS = ("real", "real2", "composite")
 PATCH_DEPTH = "lite.14"  # at stride 16, as a transformer's patches
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Arrangement:
     """The models of a preset, with random weights.
 
     Attributes:
         encoder: Describes both photos.
-        network: Of the segmenter.
-        segmenter: Around it; what it predicts is replaced by drawn objects, as in models.py.
-        shared: Encoder and segmenter are one network.
+        segmenter: What its network predicts is replaced by drawn objects, as in models.py.
     """
 
     encoder: PatchEncoder
-    network: SamNetwork | Sam2Network
     segmenter: AutomaticSegmenter
-    shared: bool
 
     @classmethod
     def of(cls, settings: Settings, device: str) -> Arrangement:
@@ -94,75 +91,72 @@ class Arrangement:
         with torch.device("meta"):
             model = sam.build(sam.FORMS[settings.segmenter])
         network = sam.network_of(randomised(model, device), settings)
-        shared = settings.encoder == settings.segmenter
         encoder: PatchEncoder = (
             sam_encoder.wrap(network, settings)
-            if shared
+            if settings.encoder == settings.segmenter
             else dino.wrap(dino.build(dino.FORMS[settings.encoder]), settings, device=device)
         )
         drawn = AutomaticSegmenter(
             name=settings.segmenter, network=Drawn(network), settings=settings.segment
         )
-        return cls(encoder=encoder, network=network, segmenter=drawn, shared=shared)
+        return cls(encoder, drawn)
 
-    def encode(self, photos: list[Rgb]) -> object:
-        """Run all encoders on both photos, and hold what they return."""
-        maps = self.encoder.encode(photos)
-        return maps, [] if self.shared else [self.network.embed(photo) for photo in photos]
+    def run(self, device: str) -> dict[str, dict[str, float]]:
+        """Describe two photos, embed those that are not yet, ask for the segments at change.
 
-    def compare(self, photos: list[Rgb]) -> list[Segments]:
-        """Encode both photos and ask for the segments at change."""
-        maps = self.encoder.encode(photos)
-        encoded = [
-            encoded_photo(Photo(pixels=photo), own, self.segmenter)
-            for photo, own in zip(photos, maps, strict=True)
-        ]
-        return [one.proposals.segments(coarse_change()) for one in encoded]
+        Returns:
+            Seconds of each part, and the peak memory after the encoders and after all.
+        """
+        photos = [blank(), blank()]
+        with Stopwatch(device) as describing:
+            maps = self.encoder.encode(photos)
+        pair = zip(photos, maps, strict=True)
+        proposals = [self.segmenter.proposals(photo, own) for photo, own in pair]
+        with Stopwatch(device) as embedding:
+            for one in proposals:
+                one.embedding = one.embedding or one.network.embed(one.photo)
+        peaks = {"encoders": _peak_bytes()}
+        with Stopwatch(device) as segmenting:
+            for one in proposals:
+                one.segments(coarse_change())
+        return {
+            "describe": describing.seconds(),
+            "embed": embedding.seconds(),
+            "segments": segmenting.seconds(),
+            "peak_bytes": {**peaks, "pair": _peak_bytes()},
+        }
 
 
 def measure_cost(name: str, device: str, precision: str, threads: int, runs: int) -> dict[str, Any]:
-    """Time one arrangement; the peak is that of the process, which does nothing else."""
+    """Measure one arrangement; the peak is that of the process, which does nothing else."""
     torch.set_num_threads(threads)
     base, changes = ARRANGEMENTS[name]
     settings = preset(base).override({**changes, "precision": precision})
     arrangement = Arrangement.of(settings, device)
-    loaded = _peak_bytes()
-    arrangement.encode([blank()])
-    photos = [blank(), blank()]
-    encoders = [_timed(lambda: arrangement.encode(photos), device) for _ in range(runs)]
-    encoded = _peak_bytes()
-    features = [_timed(lambda: arrangement.encoder.encode(photos), device) for _ in range(runs)]
-    pair = _timed(lambda: arrangement.compare(photos), device)
+    found = [arrangement.run(device) for _ in range(runs)]
     return {
         "encoder": settings.encoder,
         "segmenter": settings.segmenter,
-        "features_of_a_pair": _median(features),
-        "encoders_of_a_pair": _median(encoders),
-        "encoders_and_segments_of_a_pair": pair,
-        "peak_bytes": {"loaded": loaded, "encoders": encoded, "pair": _peak_bytes()},
+        "load_average": round(os.getloadavg()[0], 1),
+        "seconds_of_a_pair": {
+            part: {clock: median(run[part][clock] for run in found) for clock in CLOCKS}
+            for part in ("describe", "embed", "segments")
+        },
+        "peak_bytes": found[0]["peak_bytes"],
         "graphics_peak_bytes": torch.cuda.max_memory_allocated() if device == "cuda" else None,
     }
 
 
-def _timed(work: Callable[[], object], device: str) -> dict[str, float]:
-    with Stopwatch(device) as watch:
-        work()
-    return watch.seconds()
-
-
-def _median(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    return {clock: float(np.median([run[clock] for run in runs])) for clock in runs[0]}
-
-
 def _peak_bytes() -> int:
-    """The most memory that this process ever held resident (Linux counts in kilobytes)."""
+    """Return the most memory that this process ever held resident (Linux counts kilobytes)."""
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def cost(options: argparse.Namespace) -> None:
-    """Measure every arrangement in a fresh process, print and write."""
+    """Measure each arrangement in a fresh process, print and write."""
     device = pick_device(options.device)
     precision = pick_precision(options.precision, device=device)
+    out = RESULTS / f"{options.name}.json"
     content: dict[str, Any] = {
         "schema": 1,
         "name": options.name,
@@ -170,32 +164,37 @@ def cost(options: argparse.Namespace) -> None:
         "machine": conditions(device) | {"threads": options.threads},
         "precision": precision,
         "photo_px": PHOTO_PX,
-        "arrangements": {},
+        "runs": options.runs,
+        "arrangements": json.loads(out.read_text())["arrangements"] if out.exists() else {},
     }
     found = content["arrangements"]
-    for name in ARRANGEMENTS:
+    for name in options.only:
         given = (name, device, precision, options.threads, options.runs)
         with multiprocessing.get_context("spawn").Pool(1) as process:
             found[name] = process.apply(measure_cost, given)
-        found[name]["over_robust"] = over(found[name], found["robust"])
+        if "robust" in found:
+            found[name]["over_robust"] = over(found[name], found["robust"])
         print(name, found[name], flush=True)
-    RESULTS.mkdir(parents=True, exist_ok=True)
-    write_json(content, RESULTS / f"{options.name}.json")
+        RESULTS.mkdir(parents=True, exist_ok=True)
+        write_json(content, out)
 
 
 def over(one: Mapping[str, Any], robust: Mapping[str, Any]) -> dict[str, float]:
     """Divide the figures of an arrangement by those of `robust`."""
-    parts = ("encoders_of_a_pair", "encoders_and_segments_of_a_pair")
-    seconds = {
-        f"{part}.{clock}": round(one[part][clock] / robust[part][clock], 2)
-        for part in parts
-        for clock in ("wall", "processor")
-    }
-    peaks = {
-        f"peak_bytes.{at}": round(one["peak_bytes"][at] / robust["peak_bytes"][at], 2)
-        for at in ("encoders", "pair")
-    }
-    return seconds | peaks
+    ratios = {}
+    for clock in CLOCKS:
+        encoders, pair = (
+            [
+                sum(each["seconds_of_a_pair"][part][clock] for part in parts)
+                for each in (one, robust)
+            ]
+            for parts in (("describe", "embed"), ("describe", "embed", "segments"))
+        )
+        ratios[f"encoders, {clock} seconds"] = round(encoders[0] / encoders[1], 2)
+        ratios[f"pair, {clock} seconds"] = round(pair[0] / pair[1], 2)
+    for at in ("encoders", "pair"):
+        ratios[f"{at}, peak bytes"] = round(one["peak_bytes"][at] / robust["peak_bytes"][at], 2)
+    return ratios
 
 
 def patch_borders(_: object, working: Rgb, maps: Sequence[FeatureMap]) -> Map:
@@ -261,6 +260,7 @@ def main() -> None:
     one.add_argument("name")
     one.add_argument("--threads", type=int, default=torch.get_num_threads())
     one.add_argument("--runs", type=int, default=3)
+    one.add_argument("--only", nargs="+", choices=ARRANGEMENTS, default=list(ARRANGEMENTS))
     one.add_argument("--device", default="auto")
     one.add_argument("--precision", default="auto")
     other = parts.add_parser("segments")

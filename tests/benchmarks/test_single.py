@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -43,13 +43,23 @@ def test_a_border_runs_where_patches_begin_to_look_otherwise(single: ModuleType)
 
 
 def test_an_arrangement_is_divided_by_robust(single: ModuleType) -> None:
-    seconds = ("encoders_of_a_pair", "encoders_and_segments_of_a_pair")
-    one, two = (
-        {part: {"wall": 3.0 * n, "processor": 5.0 * n} for part in seconds}
-        | {"peak_bytes": {"encoders": 8 * n, "pair": 6 * n}}
-        for n in (1, 4)
-    )
-    assert set(single.over(one, two).values()) == {0.25}
+    def found(describe: float, embed: float, segments: float, peak: int) -> dict[str, Any]:
+        parts = {"describe": describe, "embed": embed, "segments": segments}
+        seconds = {part: {"wall": one, "processor": 2 * one} for part, one in parts.items()}
+        return {
+            "seconds_of_a_pair": seconds,
+            "peak_bytes": {"encoders": peak, "pair": 2 * peak},
+        }
+
+    ratios = single.over(found(6, 0, 2, 300), found(2, 6, 8, 400))
+    assert ratios == {
+        "encoders, wall seconds": 0.75,
+        "pair, wall seconds": 0.5,
+        "encoders, processor seconds": 0.75,
+        "pair, processor seconds": 0.5,
+        "encoders, peak bytes": 0.75,
+        "pair, peak bytes": 0.75,
+    }
 
 
 def test_the_committed_costs_are_of_every_arrangement(single: ModuleType) -> None:
