@@ -69,6 +69,7 @@ ARRANGEMENTS: Mapping[str, tuple[str, Mapping[str, object]]] = {
     "single, tiny": ("single", {"encoder": "sam2.1-tiny", "segmenter": "sam2.1-tiny"}),
 }
 CLOCKS = ("wall", "processor")
+PARTS = {"encoders": ("describe", "embed"), "pair": ("describe", "embed", "segments")}
 STAND_IN_SETS = ("real", "real2", "composite")
 PATCH_DEPTH = "lite.14"  # at stride 16, as a transformer's patches
 
@@ -140,7 +141,7 @@ def measure_cost(name: str, device: str, precision: str, threads: int, runs: int
         "load_average": round(os.getloadavg()[0], 1),
         "seconds_of_a_pair": {
             part: {clock: median(run[part][clock] for run in found) for clock in CLOCKS}
-            for part in ("describe", "embed", "segments")
+            for part in PARTS["pair"]
         },
         "peak_bytes": found[0]["peak_bytes"],
         "graphics_peak_bytes": torch.cuda.max_memory_allocated() if device == "cuda" else None,
@@ -183,16 +184,13 @@ def over(one: Mapping[str, Any], robust: Mapping[str, Any]) -> dict[str, float]:
     """Divide the figures of an arrangement by those of `robust`."""
     ratios = {}
     for clock in CLOCKS:
-        encoders, pair = (
-            [
+        for name, parts in PARTS.items():
+            own, its = (
                 sum(each["seconds_of_a_pair"][part][clock] for part in parts)
                 for each in (one, robust)
-            ]
-            for parts in (("describe", "embed"), ("describe", "embed", "segments"))
-        )
-        ratios[f"encoders, {clock} seconds"] = round(encoders[0] / encoders[1], 2)
-        ratios[f"pair, {clock} seconds"] = round(pair[0] / pair[1], 2)
-    for at in ("encoders", "pair"):
+            )
+            ratios[f"{name}, {clock} seconds"] = round(own / its, 2)
+    for at in PARTS:
         ratios[f"{at}, peak bytes"] = round(one["peak_bytes"][at] / robust["peak_bytes"][at], 2)
     return ratios
 
