@@ -44,7 +44,11 @@ TRUNK = {
 
 @pytest.fixture(scope="module")
 def model() -> Any:
-    """SAM 2, tiny, with numbers of sensible size in every tensor."""
+    return tiny_sam2()
+
+
+def tiny_sam2() -> Any:
+    """SAM 2 with numbers of sensible size in every tensor."""
     config = transformers.Sam2Config(
         vision_config={
             "backbone_config": transformers.Sam2HieraDetConfig(**TRUNK),
@@ -273,20 +277,21 @@ def test_of_a_large_photo_descriptors_and_segments_are_in_pixels_of_its_working_
     assert encoded.size_hw != photo.shape[:2]
     stride_xy = [side / 8 for side in encoded.size_hw[::-1]]
     assert encoded.maps[0].grid.stride_xy == pytest.approx(stride_xy)
-    proposals: Any = encoded.proposals
-    assert proposals.segments(None).size_hw == encoded.size_hw
-    assert isinstance(found, SharedFeatureMap)
-    assert isinstance(found.embedding, SamImageEmbedding)
-    points_xy = np.array([[100.0, 200.0], [1400.0, 700.0]])
-    scale_xy = np.divide(photo.shape[1::-1], encoded.size_hw[::-1])
-    whole, working = (
-        network.predict(one, points)[0]
-        for one, points in (
-            (found.embedding, points_xy * scale_xy),
-            (proposals.embedding, points_xy),
-        )
+    handed: Any = encoded.proposals
+    own = network.embed(encoded.working.pixels)  # as without an encoder of the same network
+    assert handed.embedding.photo_hw == own.photo_hw == encoded.size_hw
+    torch.testing.assert_close(handed.embedding.tokens.tokens, own.tokens.tokens)
+    assert handed.segments(None).size_hw == encoded.size_hw
+
+
+def test_bfloat16_moves_descriptors_only_a_little() -> None:
+    photo, single = noise(90, 120), tiny_sam2().float()
+    fp32, bf16 = (
+        descriptors_of(sam.wrap(Sam2Network(model=single, bf16=bf16), settings()), photo)
+        for bf16 in (False, True)
     )
-    torch.testing.assert_close(working, whole)
+    distance = np.linalg.norm(fp32 - bf16, axis=2)
+    assert 0 < distance.mean() < 0.05  # eight bits of mantissa; unrelated ones are 1.4 apart
 
 
 def test_threads_hear_their_own_photos(network: Sam2Network) -> None:

@@ -22,6 +22,8 @@ from zeroscd.encoders.taus import TAUS
 from zeroscd.encoders.transformer import checked_layer
 from zeroscd.image_embedding import SharedFeatureMap
 from zeroscd.images.grid import PatchGrid
+from zeroscd.images.photo import Photo
+from zeroscd.images.working import working_photo
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -86,16 +88,19 @@ class SamEncoder:
         return [(self._encode(photo),) for photo in photos]
 
     def _encode(self, photo: Rgb) -> SharedFeatureMap:
+        size_hw = photo.shape[0], photo.shape[1]
+        # As large as a segmenter gets it: the network makes numbers of every pixel it is given.
+        working = working_photo(Photo(pixels=photo)).pixels
         with self.tap.listening() as heard:
-            embedding = self.network.embed(photo)
+            embedding = self.network.embed(working)
         with self.network.computing():
             descriptors = unit_keys(self.tap.block.attn, heard[-1][0])
         return SharedFeatureMap(
             descriptors=descriptors,
-            grid=_grid(descriptors.shape[:2], photo.shape[:2], side_px=self.network.side_px),
+            grid=_grid(descriptors.shape[:2], size_hw, side_px=self.network.side_px),
             source=f"{self.name}.{self.layer}",
             network=self.name,
-            embedding=embedding,
+            embedding=embedding.resized(size_hw),
         )
 
 
@@ -165,7 +170,7 @@ def unit_keys(attention: Any, normed: Tensor) -> Descriptors:  # noqa: ANN401 - 
     return np.asarray((unit.flatten(2) / heads**0.5).cpu().numpy())
 
 
-def _grid(size_hw: tuple[int, ...], photo_hw: tuple[int, ...], *, side_px: int) -> PatchGrid:
+def _grid(size_hw: tuple[int, ...], photo_hw: tuple[int, int], *, side_px: int) -> PatchGrid:
     """Where the patches lie in a photo that fills the square, whatever its shape.
 
     The trunk joins 4 x 4 of its first patches: c is centred on pixel 16 c + 6 of the square.
@@ -177,4 +182,4 @@ def _grid(size_hw: tuple[int, ...], photo_hw: tuple[int, ...], *, side_px: int) 
         stride_xy=(stride_x, stride_y),
         origin_xy=((stride_x - FIRST_STRIDE_PX) / 2, (stride_y - FIRST_STRIDE_PX) / 2),
     )
-    return square.resized((side_px, side_px), (photo_hw[0], photo_hw[1]))
+    return square.resized((side_px, side_px), photo_hw)
