@@ -25,7 +25,7 @@ LAYERS = (
     ("ledger", "settings", "device"),
     ("images",),  # the door and the grid: the geometry that all stages share
     ("records", "segments"),
-    ("weights",),
+    ("weights", "image_embedding"),
     ("encoders", "alignment", "change", "segmenters", "refine", "judge", "labels"),
     ("models", "evidence", "pages"),
     ("given", "fingerprint", "export"),

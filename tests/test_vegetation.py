@@ -16,7 +16,7 @@ from zeroscd.export.changes import changes
 from zeroscd.images import working
 from zeroscd.labels.classes import ID
 from zeroscd.models import Models
-from zeroscd.records import Segment
+from zeroscd.segments import Segment
 
 if TYPE_CHECKING:
     from collections.abc import Callable
