@@ -11,6 +11,7 @@ nothing but the exact ones and the seed.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import time
@@ -175,7 +176,7 @@ def _better(found: dict[str, list[float]]) -> dict[str, int]:
 
 def _by_confidence(pairs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     rows = []
-    for low, high in zip(CONFIDENCE_EDGES[:-1], CONFIDENCE_EDGES[1:], strict=True):
+    for low, high in itertools.pairwise(CONFIDENCE_EDGES):
         row: dict[str, Any] = {"confidence": [low, high]}
         for way in ("all", *WAYS):
             parts = [

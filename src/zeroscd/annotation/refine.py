@@ -153,12 +153,13 @@ def _propose(views: Views, part: Segment, drawn: Mask) -> BlobProposal:
 
 
 def _around(part: Segment, size_hw: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return the box around a part with its surroundings, inside the mask: x, y, width, height."""
-    margin = round(AROUND * math.sqrt(part.area_px)) + 1
-    x, y, width, height = part.bbox_xywh
-    left, top = max(0, x - margin), max(0, y - margin)
-    right, bottom = min(size_hw[1], x + width + margin), min(size_hw[0], y + height + margin)
-    return left, top, right - left, bottom - top
+    """Return a square around a part, as far as the mask reaches: x, y, width, height."""
+    x, y, *sides = part.bbox_xywh
+    wanted = max(sides) + 2 * round(AROUND * math.sqrt(part.area_px)) + 2
+    width, height = min(wanted, size_hw[1]), min(wanted, size_hw[0])
+    left = min(max(0, x + (sides[0] - width) // 2), size_hw[1] - width)
+    top = min(max(0, y + (sides[1] - height) // 2), size_hw[0] - height)
+    return left, top, width, height
 
 
 def _picture(
