@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zeroscd.annotation.outline import BAND, cut_outline, disk, edge_strength
@@ -46,6 +46,7 @@ def test_a_coarse_outline_becomes_that_of_the_thing(
     assert iou(cut, THING) > 0.97
 
 
+@settings(max_examples=30)
 @given(st.integers(-8, 8), st.integers(-8, 8), st.integers(8, 40))
 def test_nothing_moves_farther_than_the_band(x: int, y: int, side: int) -> None:
     drawn = np.zeros(SIZE_HW, bool)
