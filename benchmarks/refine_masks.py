@@ -1,6 +1,6 @@
 """Do coarse masks come closer to the exact ones when they are snapped to the photos?
 
-    python benchmarks/refine_masks.py DATA_ROOT [-o benchmarks/results/refine_masks/lite.json]
+    python benchmarks/refine_masks.py DATA_ROOT [--amount 0.1] [-o FILE]
 
 Takes the exact masks of street-composite-dev, coarsens every connected part of them as people do
 (dilated, a polygon of few corners, shifted), refines them, and compares mask by mask with the
@@ -41,79 +41,83 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask
 
 SET = "street-composite-dev"
-# Of the square root of a part's area: how far its outline moves. Twice that for the corners of a
-# polygon, for most of its outline lies closer than the farthest point.
-AMOUNT = 0.1
+AMOUNT = 0.1  # of the square root of a part's area: how far its outline moves
 SEED = 0
 CONFIDENCE_EDGES = (0.0, 0.2, MIN_CONFIDENCE, 0.45, 0.55, 1.0)
-OFFERED = ("before", "after", "all proposals", "own photo only", "union of segments alone")
+THRESHOLDS = (0.0, 0.25, 0.3, 0.35, 0.4, 0.45)
 
 
-def dilated(part: Mask, _: np.random.Generator) -> Mask:
+def dilated(part: Mask, moves_px: float, _: np.random.Generator) -> Mask:
     """Draw generously around a thing."""
-    element = disk(max(1, round(AMOUNT * _root(part))))
+    element = disk(max(1, round(moves_px)))
     return np.asarray(cv2.dilate(part.astype(np.uint8), element) > 0)
 
 
-def polygon(part: Mask, _: np.random.Generator) -> Mask:
-    """Draw a polygon of few corners."""
+def polygon(part: Mask, moves_px: float, _: np.random.Generator) -> Mask:
+    """Draw a polygon of few corners; most of its outline is nearer than the farthest point."""
     drawn = np.zeros(part.shape, np.uint8)
     outlines, _hierarchy = cv2.findContours(
         part.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
     )
     for outline in outlines:
-        corners = cv2.approxPolyDP(outline, 2 * AMOUNT * _root(part), closed=True)
+        corners = cv2.approxPolyDP(outline, 2 * moves_px, closed=True)
         cv2.fillPoly(drawn, [corners], (1,))
     return drawn > 0
 
 
-def shifted(part: Mask, rng: np.random.Generator) -> Mask:
+def shifted(part: Mask, moves_px: float, rng: np.random.Generator) -> Mask:
     """Draw beside a thing, in a random direction."""
     angle = rng.uniform(0, 2 * math.pi)
-    x, y = np.round(AMOUNT * _root(part) * np.array([math.cos(angle), math.sin(angle)]))
+    x, y = np.round(moves_px * np.array([math.cos(angle), math.sin(angle)]))
     way = np.array([[1.0, 0, x], [0, 1, y]])
     return np.asarray(cv2.warpAffine(part.astype(np.uint8), way, part.shape[::-1]) > 0)
 
 
-WAYS: dict[str, Callable[[Mask, np.random.Generator], Mask]] = {
+WAYS: dict[str, Callable[[Mask, float, np.random.Generator], Mask]] = {
     "dilated": dilated,
     "polygon": polygon,
     "shifted": shifted,
 }
 
 
-def refined(views: Views, drawn: Mask, exact: Mask) -> tuple[dict[str, Mask], list[dict[str, Any]]]:
-    """Return the mask that each way gives, and what became of each part."""
+def refined(
+    views: Views, drawn: Mask, exact: Mask
+) -> tuple[dict[str, Mask], list[dict[str, Any]], float]:
+    """Return the mask that each way gives, what became of each part, and seconds of proposing."""
     alone = views._replace(segments_there=None)
-    masks = {name: np.zeros_like(drawn) for name in OFFERED}
+    masks: dict[str, Mask] = defaultdict(lambda: np.zeros_like(drawn))
     masks["before"] = drawn
-    parts = []
+    parts, seconds = [], 0.0
     for segment in connected_parts(drawn):
         area = segment.mask((drawn.shape[0], drawn.shape[1]))
-        found, own = propose(views, area), propose(alone, area)
-        masks["after"] |= found.mask if found.confidence >= MIN_CONFIDENCE else area
-        masks["all proposals"] |= found.mask
+        began = time.perf_counter()
+        found = propose(views, area)
+        seconds += time.perf_counter() - began
+        for threshold in THRESHOLDS:
+            masks[f"from {threshold}"] |= found.mask if found.confidence >= threshold else area
+        own = found if found.photo == views.frames[0] else propose(alone, area)
         masks["own photo only"] |= own.mask if own.confidence >= MIN_CONFIDENCE else area
         masks["union of segments alone"] |= _union(views, area)
-        near = dilated(area, np.random.default_rng(SEED)) & exact
-        before, after = agreement(area, near), agreement(found.mask, near)
+        near = dilated(area, AMOUNT * _root(area), np.random.default_rng(SEED)) & exact
+        before, proposed = agreement(area, near), agreement(found.mask, near)
         parts.append(
             {
                 "confidence": round(found.confidence, 4),
                 "photo": found.photo,
                 "before": round(before, 4),
-                "proposed": round(after, 4),
+                "proposed": round(proposed, 4),
             }
         )
-    return masks, parts
+    masks["after"] = masks[f"from {MIN_CONFIDENCE}"]
+    return masks, parts, seconds
 
 
-def measure(root: Path) -> dict[str, Any]:
+def measure(root: Path, amount: float) -> dict[str, Any]:
     """Coarsen, refine and compare every mask of a set that shows a change."""
     dataset, detector = open_root(root), Detector.from_preset("lite")
     pairs: list[dict[str, Any]] = []
     ious: dict[str, dict[str, list[float]]] = {way: defaultdict(list) for way in WAYS}
-    encoding = refining = 0.0
+    seconds = dict.fromkeys(("encode", "align and segment", "propose"), 0.0)
     rng = np.random.default_rng(SEED)
     for files in dataset.pairs:
         pair = load_pair(files, dataset)
@@ -122,42 +126,39 @@ def measure(root: Path) -> dict[str, Any]:
             continue
         began = time.perf_counter()
         before, after = detector.encode([pair.before, pair.after])
-        encoding += time.perf_counter() - began
-        for way, drawn in _coarse(exact, rng):
+        seconds["encode"] += len(WAYS) * (time.perf_counter() - began)
+        for way, drawn in _coarse(exact, amount, rng):
             began = time.perf_counter()
             views = views_of((before, after), drawn, dataset.frame, detector.settings)
-            for part in connected_parts(drawn):
-                propose(views, part.mask((drawn.shape[0], drawn.shape[1])))
-            refining += time.perf_counter() - began
-            masks, parts = refined(views, drawn, exact)
+            seconds["align and segment"] += time.perf_counter() - began
+            masks, parts, proposing = refined(views, drawn, exact)
+            seconds["propose"] += proposing
             for name, mask in masks.items():
                 ious[way][name].append(agreement(mask, exact))
-            found = {name: round(values[-1], 4) for name, values in ious[way].items()}
+            found = {name: round(ious[way][name][-1], 4) for name in ("before", "after")}
             pairs.append({"pair": files.stem, "way": way, **found, "parts": parts})
-    masks_measured = len(pairs)
     return {
         "set": SET,
-        "masks": masks_measured,
+        "amount": amount,
+        "masks": len(pairs),
         "mean_iou": {
             way: {name: round(float(np.mean(found)), 4) for name, found in by_name.items()}
             for way, by_name in ious.items()
         },
-        "masks_better": {way: _better(ious[way]) for way in WAYS},
+        "masks_changed": {way: _better(ious[way]) for way in WAYS},
         "by_confidence": _by_confidence(pairs),
-        "seconds_per_pair": {
-            "encode": round(encoding / (masks_measured / len(WAYS)), 3),
-            "refine": round(refining / masks_measured, 3),
-        },
+        "seconds_per_pair": {name: round(one / len(pairs), 3) for name, one in seconds.items()},
         "pairs": pairs,
     }
 
 
-def _coarse(exact: Mask, rng: np.random.Generator) -> Iterator[tuple[str, Mask]]:
+def _coarse(exact: Mask, amount: float, rng: np.random.Generator) -> Iterator[tuple[str, Mask]]:
     size_hw = exact.shape[0], exact.shape[1]
     for way, coarsen in WAYS.items():
         drawn = np.zeros_like(exact)
         for segment in connected_parts(exact):
-            drawn |= coarsen(segment.mask(size_hw), rng)
+            part = segment.mask(size_hw)
+            drawn |= coarsen(part, amount * _root(part), rng)
         yield way, drawn
 
 
@@ -203,8 +204,9 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     default = Path(__file__).parent / "results" / "refine_masks" / "lite.json"
     parser.add_argument("-o", "--out", type=Path, default=default)
+    parser.add_argument("--amount", type=float, default=AMOUNT)
     options = parser.parse_args()
-    content = measure(options.data / SET)
+    content = measure(options.data / SET, options.amount)
     write_json({"schema": 1, "commit": commit(), **content}, options.out)
     print(json.dumps({name: one for name, one in content.items() if name != "pairs"}, indent=1))
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zeroscd.annotation.outline import BAND, cut_outline, disk, edge_strength
+from zeroscd.annotation.outline import BAND, MAX_ROOT_PX, cut_outline, disk, edge_strength
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,6 +57,19 @@ def test_nothing_moves_farther_than_the_band(x: int, y: int, side: int) -> None:
     reach = cv2.dilate(drawn.astype(np.uint8), band) > 0
     assert not (core & ~cut).any()
     assert not (cut & ~reach).any()
+
+
+def test_a_large_thing_is_cut_at_a_smaller_size_and_loses_little(
+    iou: Callable[[Mask, Mask], float],
+) -> None:
+    """Seven times as large, 350 pixels across: cut at half of that."""
+    large, thing = (
+        np.kron(one, np.ones((7, 7, 1)[: one.ndim], one.dtype)) for one in (photo(), THING)
+    )
+    drawn = moved(thing, 20, -14)
+    assert math.sqrt(np.count_nonzero(thing)) > 2 * MAX_ROOT_PX
+    assert iou(drawn, thing) < 0.9
+    assert iou(cut_outline(large, drawn, drawn), thing) > 0.97
 
 
 def test_the_same_cut_comes_out_each_time(draw_scene: Any) -> None:

@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from zeroscd.images.areas import resize_mask
+from zeroscd.images.resizing import resize
+from zeroscd.images.working import enlarge_mask
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -18,6 +22,7 @@ if TYPE_CHECKING:
 BAND = 0.1
 CONTEXT = 0.35  # of the square root of the area: what the cut sees of the surroundings
 MIN_CONTEXT_PX = 8
+MAX_ROOT_PX = 150  # of larger areas: they are cut at this size, for time grows faster than area
 ROUNDS = 5  # of fitting colours and cutting, as in OpenCV's examples
 SEED = 0  # of its first clusters of colours
 
@@ -38,15 +43,15 @@ def cut_outline(photo: Rgb, area: Mask, start: Mask) -> Mask:
     Source: Rother, Kolmogorov and Blake, "GrabCut", SIGGRAPH 2004, as in OpenCV.
     """
     root = math.sqrt(np.count_nonzero(area))
-    band = disk(max(1, round(BAND * root)))
     window = _window(area, round((BAND + CONTEXT) * root) + MIN_CONTEXT_PX)
-    inside = area[window].astype(np.uint8)
-    core, reach = cv2.erode(inside, band) > 0, cv2.dilate(inside, band) > 0
-    labels = np.where(reach, cv2.GC_PR_BGD, cv2.GC_BGD).astype(np.uint8)
-    labels[reach & start[window]] = cv2.GC_PR_FGD
-    labels[core] = cv2.GC_FGD
+    whole_hw = area[window].shape
+    scale = min(1.0, MAX_ROOT_PX / max(root, 1.0))
+    size_hw = max(1, round(scale * whole_hw[0])), max(1, round(scale * whole_hw[1]))
+    inside, begin = (resize_mask(mask[window], size_hw) for mask in (area, start))
+    labels = _labels(inside, begin, max(1, round(BAND * scale * root)))
+    thing = _is_thing(_grab_cut(resize(photo[window], size_hw), labels))
     cut = np.zeros_like(area)
-    cut[window] = _is_thing(_grab_cut(photo[window], labels))
+    cut[window] = enlarge_mask(thing, (whole_hw[0], whole_hw[1]))
     return cut
 
 
@@ -62,6 +67,16 @@ def disk(radius_px: int) -> NDArray[np.uint8]:
     """Return a round structuring element."""
     side = 2 * radius_px + 1
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
+
+
+def _labels(area: Mask, start: Mask, band_px: int) -> NDArray[np.uint8]:
+    """Say what GrabCut may decide: the band around the outline of an area."""
+    inside, band = area.astype(np.uint8), disk(band_px)
+    core, reach = cv2.erode(inside, band) > 0, cv2.dilate(inside, band) > 0
+    labels = np.where(reach, cv2.GC_PR_BGD, cv2.GC_BGD).astype(np.uint8)
+    labels[reach & start] = cv2.GC_PR_FGD
+    labels[core] = cv2.GC_FGD
+    return labels
 
 
 def _gradient(photo: Rgb) -> Map:
