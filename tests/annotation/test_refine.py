@@ -11,7 +11,10 @@ import pytest
 from PIL import Image
 
 from zeroscd.annotation import Decision, refine_masks
+from zeroscd.annotation.outcome import apply
+from zeroscd.annotation.refine import propose_for
 from zeroscd.annotation.report import totals
+from zeroscd.detector import Detector
 from zeroscd.evaluation.datasets.catalogue import open_dataset
 from zeroscd.evaluation.datasets.masks import read_mask
 from zeroscd.models import Models
@@ -126,3 +129,17 @@ def test_masks_of_another_size_than_their_photo_keep_it(
     mask = refined_mask(tmp_path)
     assert mask.shape == (2 * height, 2 * width)
     assert iou(mask, street.exact.repeat(2, axis=0).repeat(2, axis=1)) > 0.96
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_lite_brings_a_mask_of_a_real_street_closer_to_the_exact_one(
+    shared_data: Path, grow: Callable[[Mask, int], Mask], iou: Callable[[Mask, Mask], float]
+) -> None:
+    dataset = open_dataset("folder", shared_data / "street-composite-dev")
+    files = dataset.pairs[1]
+    exact = read_mask(files.mask, dataset.code)
+    drawn = grow(exact, 4)
+    proposals = propose_for(files, drawn, dataset, Detector.from_preset("lite"))
+    mask, _ = apply(files.stem, drawn, proposals, {})
+    assert iou(mask, exact) > iou(drawn, exact) + 0.05
