@@ -1,11 +1,11 @@
 """Do coarse masks come closer to the exact ones when they are snapped to the photos?
 
-    python benchmarks/refine_masks.py DATA_ROOT [--amount 0.1] [-o FILE]
+    python benchmarks/refine_masks.py DATA_ROOT [-o benchmarks/results/refine_masks/lite.json]
 
 Takes the exact masks of street-composite-dev, coarsens every connected part of them as people do
-(dilated, a polygon of few corners, shifted), refines them, and compares mask by mask with the
-exact ones: before, after, and what simpler ways would have given. The coarse masks depend on
-nothing but the exact ones and the seed.
+(dilated, a polygon of few corners, shifted) by three amounts, refines them, and compares mask by
+mask with the exact ones: before, after, and what simpler ways would have given. The coarse masks
+depend on nothing but the exact ones and the names of the pairs.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import itertools
 import json
 import math
 import time
+import zlib
 from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,10 +42,10 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask
 
 SET = "street-composite-dev"
-AMOUNT = 0.1  # of the square root of a part's area: how far its outline moves
-SEED = 0
-CONFIDENCE_EDGES = (0.0, 0.2, MIN_CONFIDENCE, 0.45, 0.55, 1.0)
-THRESHOLDS = (0.0, 0.25, 0.3, 0.35, 0.4, 0.45)
+AMOUNTS = (0.05, 0.1, 0.15)  # of the square root of a part's area: how far its outline moves
+CONFIDENCE_EDGES = (0.0, 0.25, 0.35, MIN_CONFIDENCE, 0.55, 1.0)
+NEAR = disk(6)  # what lies farther from a drawn part belongs to another one
+THRESHOLDS = (0.0, 0.25, 0.35, 0.4, 0.45, 0.5, 0.55)
 
 
 def dilated(part: Mask, moves_px: float, _: np.random.Generator) -> Mask:
@@ -98,7 +99,7 @@ def refined(
         own = found if found.photo == views.frames[0] else propose(alone, area)
         masks["own photo only"] |= own.mask if own.confidence >= MIN_CONFIDENCE else area
         masks["union of segments alone"] |= _union(views, area)
-        near = dilated(area, AMOUNT * _root(area), np.random.default_rng(SEED)) & exact
+        near = (cv2.dilate(area.astype(np.uint8), NEAR) > 0) & exact
         before, proposed = agreement(area, near), agreement(found.mask, near)
         parts.append(
             {
@@ -112,54 +113,74 @@ def refined(
     return masks, parts, seconds
 
 
-def measure(root: Path, amount: float) -> dict[str, Any]:
+def measure(root: Path) -> dict[str, Any]:
     """Coarsen, refine and compare every mask of a set that shows a change."""
     dataset, detector = open_root(root), Detector.from_preset("lite")
-    pairs: list[dict[str, Any]] = []
-    ious: dict[str, dict[str, list[float]]] = {way: defaultdict(list) for way in WAYS}
     seconds = dict.fromkeys(("encode", "align and segment", "propose"), 0.0)
-    rng = np.random.default_rng(SEED)
+    masks: list[dict[str, Any]] = []
+    pairs = 0
     for files in dataset.pairs:
         pair = load_pair(files, dataset)
         exact = pair.truth.changed
         if not exact.any():
             continue
+        pairs += 1
         began = time.process_time()
-        before, after = detector.encode([pair.before, pair.after])
-        seconds["encode"] += len(WAYS) * (time.process_time() - began)
-        for way, drawn in _coarse(exact, amount, rng):
+        photos = detector.encode([pair.before, pair.after])
+        seconds["encode"] += time.process_time() - began
+        for amount, way, drawn in _coarse(exact, zlib.crc32(files.stem.encode())):
             began = time.process_time()
-            views = views_of((before, after), drawn, dataset.frame, detector.settings)
+            views = views_of((photos[0], photos[1]), drawn, dataset.frame, detector.settings)
             seconds["align and segment"] += time.process_time() - began
-            masks, parts, proposing = refined(views, drawn, exact)
+            found, parts, proposing = refined(views, drawn, exact)
             seconds["propose"] += proposing
-            for name, mask in masks.items():
-                ious[way][name].append(agreement(mask, exact))
-            found = {name: round(ious[way][name][-1], 4) for name in ("before", "after")}
-            pairs.append({"pair": files.stem, "way": way, **found, "parts": parts})
+            iou = {name: round(agreement(mask, exact), 4) for name, mask in found.items()}
+            masks.append(
+                {"pair": files.stem, "amount": amount, "way": way, "iou": iou, "parts": parts}
+            )
     return {
         "set": SET,
-        "amount": amount,
-        "masks": len(pairs),
-        "mean_iou": {
-            way: {name: round(float(np.mean(found)), 4) for name, found in by_name.items()}
-            for way, by_name in ious.items()
-        },
-        "masks_changed": {way: _better(ious[way]) for way in WAYS},
-        "by_confidence": _by_confidence(pairs),
-        "cpu_seconds_per_pair": {name: round(one / len(pairs), 3) for name, one in seconds.items()},
         "pairs": pairs,
+        "amounts": [_summary([one for one in masks if one["amount"] == a]) for a in AMOUNTS],
+        "cpu_seconds": {
+            name: round(one / (pairs if name == "encode" else len(masks)), 3)
+            for name, one in seconds.items()
+        },
+        "masks": masks,
     }
 
 
-def _coarse(exact: Mask, amount: float, rng: np.random.Generator) -> Iterator[tuple[str, Mask]]:
+def _summary(masks: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the means over the masks coarsened by one amount."""
+    return {
+        "amount": masks[0]["amount"],
+        "ways": {way: _means([one["iou"] for one in masks if one["way"] == way]) for way in WAYS},
+        "by_confidence": _by_confidence(masks),
+    }
+
+
+def _means(ious: list[dict[str, float]]) -> dict[str, Any]:
+    gains = [one["after"] - one["before"] for one in ious]
+    return {
+        "masks": len(ious),
+        "better": sum(gain > 0 for gain in gains),
+        "worse": sum(gain < 0 for gain in gains),
+        "mean_iou": {
+            name: round(float(np.mean([one[name] for one in ious])), 4) for name in ious[0]
+        },
+    }
+
+
+def _coarse(exact: Mask, seed: int) -> Iterator[tuple[float, str, Mask]]:
     size_hw = exact.shape[0], exact.shape[1]
-    for way, coarsen in WAYS.items():
-        drawn = np.zeros_like(exact)
-        for segment in connected_parts(exact):
-            part = segment.mask(size_hw)
-            drawn |= coarsen(part, amount * _root(part), rng)
-        yield way, drawn
+    for amount in AMOUNTS:
+        rng = np.random.default_rng(seed)
+        for way, coarsen in WAYS.items():
+            drawn = np.zeros_like(exact)
+            for segment in connected_parts(exact):
+                part = segment.mask(size_hw)
+                drawn |= coarsen(part, amount * _root(part), rng)
+            yield amount, way, drawn
 
 
 def _union(views: Views, area: Mask) -> Mask:
@@ -170,21 +191,16 @@ def _union(views: Views, area: Mask) -> Mask:
     return own.bring_mask(there.mask) if there.iou > here.iou else here.mask
 
 
-def _better(found: dict[str, list[float]]) -> dict[str, int]:
-    gains = np.subtract(found["after"], found["before"])
-    return {"better": int((gains > 0).sum()), "worse": int((gains < 0).sum())}
-
-
-def _by_confidence(pairs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _by_confidence(masks: list[dict[str, Any]]) -> list[dict[str, Any]]:
     rows = []
     for low, high in itertools.pairwise(CONFIDENCE_EDGES):
         row: dict[str, Any] = {"confidence": [low, high]}
         for way in ("all", *WAYS):
             parts = [
                 part
-                for pair in pairs
-                for part in pair["parts"]
-                if way in ("all", pair["way"])
+                for mask in masks
+                for part in mask["parts"]
+                if way in ("all", mask["way"])
                 and low <= part["confidence"] < high + (high == CONFIDENCE_EDGES[-1])
             ]
             gains = [part["proposed"] - part["before"] for part in parts]
@@ -204,11 +220,10 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     default = Path(__file__).parent / "results" / "refine_masks" / "lite.json"
     parser.add_argument("-o", "--out", type=Path, default=default)
-    parser.add_argument("--amount", type=float, default=AMOUNT)
     options = parser.parse_args()
-    content = measure(options.data / SET, options.amount)
+    content = measure(options.data / SET)
     write_json({"schema": 1, "commit": commit(), **content}, options.out)
-    print(json.dumps({name: one for name, one in content.items() if name != "pairs"}, indent=1))
+    print(json.dumps({name: one for name, one in content.items() if name != "masks"}, indent=1))
 
 
 if __name__ == "__main__":
