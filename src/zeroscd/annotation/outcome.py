@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask
     from zeroscd.records import Segment
 
-# Below it what was drawn stays. Chosen on street-composite-dev as a whole, coarsened in three ways by
-# three amounts: of the values with equal mean IoU the one that harms good masks least
+# Below it what was drawn stays. Chosen on street-composite-dev as a whole, coarsened in three ways
+# by three amounts: of values with equal mean IoU the one that harms good masks least
 # (docs/refine-masks.md).
 MIN_CONFIDENCE = 0.45
 
