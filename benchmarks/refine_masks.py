@@ -148,8 +148,13 @@ def measure(root: Path) -> dict[str, Any]:
             name: round(one / (len(masks) if name == "propose" else pairs), 3)
             for name, one in seconds.items()
         },
-        "masks": masks,
+        "masks": [_row(one) for one in masks],
     }
+
+
+def _row(mask: dict[str, Any]) -> dict[str, Any]:
+    named = {name: mask[name] for name in ("pair", "amount", "way")}
+    return {**named, **{name: mask["iou"][name] for name in ("before", "after")}}
 
 
 def _summary(masks: list[dict[str, Any]]) -> dict[str, Any]:
