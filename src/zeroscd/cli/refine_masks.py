@@ -66,9 +66,7 @@ def refine_masks(
         f"{counts['snapped']} of {counts['blobs']} outlines snapped, {counts['kept']} kept as drawn"
     )
     if refined.unmatched:
-        warn(
-            f"{len(refined.unmatched)} reviews are about none of these proposals and were left out"
-        )
+        warn(f"reviews of other outlines than these, left out: {len(refined.unmatched)}")
     say(f"masks: {refined.copy}, review: {refined.page}")
     if as_json:
         answer(counts)
