@@ -34,7 +34,7 @@ LAYERS = (
     ("detector",),
     ("retrieval", "one_call"),
     ("evaluation", "batch"),
-    ("survey",),
+    ("survey", "annotation"),
     ("serve", "bench", "model_check", "onnx"),
     ("cli",),
     ("__main__",),

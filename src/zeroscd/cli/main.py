@@ -20,6 +20,7 @@ from zeroscd.cli.demo import demo
 from zeroscd.cli.detect import detect
 from zeroscd.cli.evaluate import evaluate
 from zeroscd.cli.export_onnx import export_onnx
+from zeroscd.cli.refine_masks import refine_masks
 from zeroscd.cli.refusals import refusal
 from zeroscd.cli.serve import serve
 from zeroscd.cli.settings import settings
@@ -45,6 +46,7 @@ app.command()(batch)
 app.command()(survey)
 app.command()(evaluate)
 app.command()(ablate)
+app.command()(refine_masks)
 app.command()(bench)
 app.command()(export_onnx)
 app.command()(serve)
