@@ -1,0 +1,141 @@
+"""How far off the georeference is, and what unchanged ground looks like, from a sample of tiles."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from zeroscd.alignment.homography import apply
+from zeroscd.change.coarse import fuse_depths
+from zeroscd.geo.rasters import filled
+from zeroscd.records import Alignment
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from zeroscd.detector import Detector
+    from zeroscd.evidence import Evidence
+    from zeroscd.geo.rasters import GridReader, RasterPair
+    from zeroscd.geo.tiling import Box, Tile
+
+SAMPLED = 16  # tiles that are matched; a shift common to all shows in far fewer
+LOOKED_AT = 64  # tiles of which the fullest are sampled
+SEED = 0  # of the lot that draws them
+AGREE_PX = 2.0  # tiles whose shifts are that near say the same: a third of a patch of lite's finest
+MIN_AGREEING = 0.5  # share of the sampled tiles; one place that slid moves no raster
+MIN_SHIFT_PX = 1.0  # a smaller one is within what matching can tell, and the georeference stands
+
+
+class TileFit(NamedTuple):
+    """What a sampled tile says.
+
+    Attributes:
+        shift_xy_px: How far its centre lies from where the georeference puts it; None if its photos
+            could not be aligned.
+        tau: The threshold that its comparison had; None where both photos are equal.
+    """
+
+    shift_xy_px: tuple[float, float] | None
+    tau: float | None
+
+
+class Registration(NamedTuple):
+    """What the sampled tiles say together; the model is a translation.
+
+    Attributes:
+        shift_xy_px: What most of them agree on, in pixels of the raster before; None if nothing.
+        sampled: Tiles that were matched.
+        agreeing: Of them, those within AGREE_PX of the shift.
+        tau: The threshold of all tiles; None where no tile says one.
+    """
+
+    shift_xy_px: tuple[float, float] | None
+    sampled: int
+    agreeing: int
+    tau: float | None
+
+    @property
+    def correction_xy_px(self) -> tuple[float, float]:
+        """The shift if it is to be mended, else nothing."""
+        found = self.shift_xy_px
+        return (0.0, 0.0) if found is None or math.hypot(*found) < MIN_SHIFT_PX else found
+
+
+def register(pair: RasterPair, tiles: Sequence[Tile], detector: Detector) -> Registration:
+    """Match a sample of tiles, each by the detector's own alignment.
+
+    One tile's homography wanders with what it shows, so only what most of them agree on counts:
+    the median of their shifts. A threshold that is fitted to each pair of photos is fitted to the
+    rasters as wholes, by the median too: fitted to each tile it would change at their borders.
+
+    Args:
+        pair: Open rasters.
+        tiles: All of them.
+        detector: Encodes and aligns.
+    """
+    with pair.reading() as readers:
+        boxes = _fullest(readers, tiles)
+        fits = [_fit(readers, box, detector) for box in boxes]
+    found = agreed_shift([fit.shift_xy_px for fit in fits])
+    taus = [fit.tau for fit in fits if fit.tau is not None]
+    return found._replace(tau=float(np.median(taus)) if taus else None)
+
+
+def agreed_shift(shifts: Sequence[tuple[float, float] | None]) -> Registration:
+    """Return the shift that most tiles agree on.
+
+    Example:
+        >>> agreed_shift([(6.0, 0.0), (6.5, 0.5), (40.0, 9.0), None])
+        Registration(shift_xy_px=(6.25, 0.25), sampled=4, agreeing=2, tau=None)
+        >>> agreed_shift([(6.0, 0.0), (40.0, 9.0), None]).shift_xy_px is None
+        True
+    """
+    known = np.array([shift for shift in shifts if shift is not None]).reshape(-1, 2)
+    if not len(known):
+        return Registration(None, len(shifts), 0, None)
+    middle = np.median(known, axis=0)
+    # The median of an even number may lie between two camps; it is never outside the larger one.
+    nearest = known[np.argmin(np.hypot(*(known - middle).T))]
+    agreeing = known[np.hypot(*(known - nearest).T) <= AGREE_PX]
+    if len(agreeing) < MIN_AGREEING * len(shifts):
+        return Registration(None, len(shifts), len(agreeing), None)
+    x, y = (float(one) for one in np.median(agreeing, axis=0))
+    return Registration((x, y), len(shifts), len(agreeing), None)
+
+
+def _fullest(readers: tuple[GridReader, GridReader], tiles: Sequence[Tile]) -> list[Box]:
+    """Draw tiles by lot and return those of them with the most data in both rasters."""
+    drawn = np.random.default_rng(SEED).permutation(len(tiles))[:LOOKED_AT]
+    boxes = [tiles[at].box for at in drawn]
+    shares = [
+        float(np.mean(np.logical_and(*(reader.read(box)[1] for reader in readers))))
+        for box in boxes
+    ]
+    order = np.argsort([-share for share in shares], kind="stable")[:SAMPLED]
+    return [boxes[at] for at in order if shares[at] > 0]
+
+
+def _fit(readers: tuple[GridReader, GridReader], box: Box, detector: Detector) -> TileFit:
+    (before, valid_t0), (after, valid_t1) = (reader.read(box) for reader in readers)
+    before, after = filled((before, after), (valid_t0, valid_t1))
+    if np.array_equal(before, after):
+        return TileFit((0.0, 0.0), None)
+    evidence = detector.compare(*detector.encode([before, after]))
+    return TileFit(_shift_of(evidence, box.size_hw), _tau_of(evidence, detector))
+
+
+def _shift_of(evidence: Evidence, size_hw: tuple[int, int]) -> tuple[float, float] | None:
+    alignment = evidence.whole_alignment()
+    if not isinstance(alignment, Alignment):
+        return None
+    centre = (np.array([size_hw[::-1]]) - 1) / 2
+    x, y = (apply(alignment.t1_from_t0, centre) - centre)[0]
+    return (float(x), float(y)) if np.isfinite((x, y)).all() else None
+
+
+def _tau_of(evidence: Evidence, detector: Detector) -> float:
+    both = (evidence.distances_t0, evidence.distances_t1)
+    measured = [distances for distances in both if distances is not None]
+    return fuse_depths(measured, detector.settings.change, tau=detector.models.encoder.tau).tau
