@@ -102,11 +102,9 @@ class Scene:
         for number in range(HOUSES):
             across, down = (int(side) for side in lot.integers(*SIDES_PX, 2))
             last = CELL_PX - MARGIN_PX
-            left, top = (
-                int(lot.integers(MARGIN_PX, last - side)) for side in (across, down)
-            )
+            left, top = (int(lot.integers(MARGIN_PX, last - side)) for side in (across, down))
             roof = ROOFS[int(lot.integers(len(ROOFS)))]
-            once: Literal["before", "after"] = "after" if lot.random() < 0.5 else "before"
+            once: Literal["before", "after"] = "after" if lot.integers(2) else "before"
             box = (col * CELL_PX + left, row * CELL_PX + top, across, down)
             if any(_touch(box, other.box_xywh) for other in (*houses, *self.extra)):
                 continue
@@ -123,7 +121,9 @@ class Scene:
             np.float32(128) + 0.3 * (part - ground)
             for part in (canvas[:ROAD_PX], canvas[:, :ROAD_PX])
         )
-        for x, y, radius in lot.integers((ROAD_PX + 10, ROAD_PX + 10, 4), (500, 500, 10), (TREES, 3)):
+        for x, y, radius in lot.integers(
+            (ROAD_PX + 10, ROAD_PX + 10, 4), (500, 500, 10), (TREES, 3)
+        ):
             cv2.circle(canvas, (int(x), int(y)), int(radius), (50, 74, 44), -1)
         self._build(canvas, row, col, at)
         noise = np.random.default_rng((self.seed, row, col, 3 + at))

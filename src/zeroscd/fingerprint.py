@@ -31,6 +31,7 @@ PRESENTING = (
     "retrieval",
     "samples",
     "evaluation",
+    "geo",
     "onnx",
 )
 DECIDING = frozenset({".py", ".safetensors", ".json"})

@@ -77,7 +77,9 @@ def rendering(
         raise ImageError(message)
     is_bytes = kinds == {np.dtype(np.uint8)}
     if stretch == NONE and not is_bytes:
-        message = f"{name} holds {raster.dtypes[chosen[0] - 1]}, not bytes; choose another --stretch"
+        message = (
+            f"{name} holds {raster.dtypes[chosen[0] - 1]}, not bytes; choose another --stretch"
+        )
         raise SettingsError(message)
     if stretch == NONE or (stretch == AUTO and is_bytes):
         return Rendering(chosen, None)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 MASK, SUMMARY = "mask.tif", "summary.json"
 GEOPACKAGE, GEOJSON = "changes.gpkg", "changes.geojson"
 LAYER = "changes"
-NUMBERS = {
+NUMBERS: dict[str, type[np.generic]] = {
     **dict.fromkeys(("id", "area_px"), np.int64),
     **dict.fromkeys(("score", "area_m2"), np.float64),
 }

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from zeroscd.evidence import Evidence
     from zeroscd.geo.rasters import GridReader, RasterPair
     from zeroscd.geo.tiling import Box, Tile
+    from zeroscd.progress import Progress
 
 SAMPLED = 16  # tiles that are matched; a shift common to all shows in far fewer
 LOOKED_AT = 64  # tiles of which the fullest are sampled
@@ -26,6 +27,8 @@ SEED = 0  # of the lot that draws them
 AGREE_PX = 2.0  # tiles whose shifts are that near say the same: a third of a patch of lite's finest
 MIN_AGREEING = 0.5  # share of the sampled tiles; one place that slid moves no raster
 MIN_SHIFT_PX = 1.0  # a smaller one is within what matching can tell, and the georeference stands
+
+NO_SHIFT = (0.0, 0.0)
 
 
 class TileFit(NamedTuple):
@@ -60,10 +63,12 @@ class Registration(NamedTuple):
     def correction_xy_px(self) -> tuple[float, float]:
         """The shift if it is to be mended, else nothing."""
         found = self.shift_xy_px
-        return (0.0, 0.0) if found is None or math.hypot(*found) < MIN_SHIFT_PX else found
+        return NO_SHIFT if found is None or math.hypot(*found) < MIN_SHIFT_PX else found
 
 
-def register(pair: RasterPair, tiles: Sequence[Tile], detector: Detector) -> Registration:
+def register(
+    pair: RasterPair, tiles: Sequence[Tile], detector: Detector, progress: Progress
+) -> Registration:
     """Match a sample of tiles, each by the detector's own alignment.
 
     One tile's homography wanders with what it shows, so only what most of them agree on counts:
@@ -74,13 +79,18 @@ def register(pair: RasterPair, tiles: Sequence[Tile], detector: Detector) -> Reg
         pair: Open rasters.
         tiles: All of them.
         detector: Encodes and aligns.
+        progress: Hears of every sampled tile.
     """
-    with pair.reading() as readers:
-        boxes = _fullest(readers, tiles)
-        fits = [_fit(readers, box, detector) for box in boxes]
-    found = agreed_shift([fit.shift_xy_px for fit in fits])
-    taus = [fit.tau for fit in fits if fit.tau is not None]
-    return found._replace(tau=float(np.median(taus)) if taus else None)
+    found = _match(pair, tiles, detector, progress)
+    first = found.correction_xy_px
+    if first == NO_SHIFT:
+        return found
+    # Matches are most exact where patches lie on each other.
+    again = _match(pair.shifted(first), tiles, detector, progress)
+    if again.shift_xy_px is None:
+        return found
+    total = (first[0] + again.shift_xy_px[0], first[1] + again.shift_xy_px[1])
+    return again._replace(shift_xy_px=total)
 
 
 def agreed_shift(shifts: Sequence[tuple[float, float] | None]) -> Registration:
@@ -103,6 +113,21 @@ def agreed_shift(shifts: Sequence[tuple[float, float] | None]) -> Registration:
         return Registration(None, len(shifts), len(agreeing), None)
     x, y = (float(one) for one in np.median(agreeing, axis=0))
     return Registration((x, y), len(shifts), len(agreeing), None)
+
+
+def _match(
+    pair: RasterPair, tiles: Sequence[Tile], detector: Detector, progress: Progress
+) -> Registration:
+    fits = []
+    with pair.reading() as readers:
+        boxes = _fullest(readers, tiles)
+        progress.begin(len(boxes))
+        for box in boxes:
+            fits.append(_fit(readers, box, detector))
+            progress.advance("matching", reused=False)
+    found = agreed_shift([fit.shift_xy_px for fit in fits])
+    taus = [fit.tau for fit in fits if fit.tau is not None]
+    return found._replace(tau=float(np.median(taus)) if taus else None)
 
 
 def _fullest(readers: tuple[GridReader, GridReader], tiles: Sequence[Tile]) -> list[Box]:

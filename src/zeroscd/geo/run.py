@@ -74,17 +74,17 @@ def compare_rasters(  # noqa: PLR0913 - what, where to, how, and who listens
         OutputError: The folder cannot be written.
     """
     check_target(out)
-    start = time.perf_counter()
+    start, progress = time.perf_counter(), progress or Silent()
     with open_pair(before, after, options) as georeferenced, TemporaryDirectory() as work:
         flat = list(chain(*tiles(georeferenced.area, options.tile_px)))
-        found = register(georeferenced, flat, detector)
+        found = register(georeferenced, flat, detector, progress)
         pair = georeferenced.shifted(found.correction_xy_px)
         settings = _same_for_all_tiles(detector.settings, found)
         make_folder(out)
         with writing(out / MASK), replacing(out / MASK) as mask:
             drawn_to = Path(work) / MASK if options.cog else mask
             files = drawn_to, Path(work) / PARTS
-            drawn = _draw(pair, files, detector, settings, options.tile_px, progress or Silent())
+            drawn = _draw(pair, files, detector, settings, options.tile_px, progress)
             polygons = find_polygons(files[1])
             if options.cog:
                 to_cog(drawn_to, mask)

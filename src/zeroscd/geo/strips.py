@@ -43,7 +43,10 @@ class Strips:
     def draw(self, tile: Tile, change: TileChange) -> None:
         """Draw what changed in a tile, and what is known in its core."""
         self._reach(tile.box.bottom)
-        rows, cols = self._place(tile.box.top, tile.box.bottom), slice(tile.box.left, tile.box.right)
+        rows, cols = (
+            self._place(tile.box.top, tile.box.bottom),
+            slice(tile.box.left, tile.box.right),
+        )
         score, kinds = self._rows[SCORE, rows, cols], self._rows[KINDS, rows, cols]
         np.maximum(score, change.score, out=score)
         kinds |= change.kinds

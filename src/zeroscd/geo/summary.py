@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from zeroscd.fingerprint import versions
 from zeroscd.geo.files import GEOJSON, crs_urn
 from zeroscd.geo.rasters import grid_of
+from zeroscd.geo.registration import NO_SHIFT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -102,7 +103,7 @@ def _registration(found: Registration, grid: Grid) -> dict[str, Any]:
         "model": "translation",
         "shift_px": None if shift is None else list(shift),
         "shift_map": on_map,
-        "mended": found.correction_xy_px != (0.0, 0.0),
+        "mended": found.correction_xy_px != NO_SHIFT,
         "sampled": found.sampled,
         "agreeing": found.agreeing,
     }

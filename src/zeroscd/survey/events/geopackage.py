@@ -19,7 +19,7 @@ HINT = "run: pip install 'zeroscd[gis]'"
 LAYER = "events"
 WGS84 = "EPSG:4326"
 WKB_POINT = struct.Struct("<BIdd")  # little endian, type 1, x, y
-NUMBERS = {
+NUMBERS: dict[str, type[np.generic]] = {
     **dict.fromkeys(("id", "sightings", "views", "best_region"), np.int32),
     **dict.fromkeys(("score", "uncertainty_m"), np.float64),
 }
