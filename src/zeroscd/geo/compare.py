@@ -15,19 +15,22 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Mask
     from zeroscd.detector import Detector
     from zeroscd.geo.rasters import GridReader
-    from zeroscd.geo.tiling import Box, Tile
+    from zeroscd.geo.tiling import Tile
     from zeroscd.records import Region
     from zeroscd.settings import Settings
 
 REMOVED, ADDED = 1, 2  # bits of `kinds`
 PERCENT = 100
+# Of a region that must lie in the core. With any pixel there, a tile would speak for what another
+# sees better; with half, things at corners would be nobody's (docs/aerial.md has the figures).
+OWN_SHARE = 0.2
 
 
 class TileChange(NamedTuple):
     """What changed in a tile.
 
     Attributes:
-        score: (H, W) 1..100, per cent, where something changed that touches the core; else 0.
+        score: (H, W) 1..100, per cent, where something changed that is this tile's; else 0.
         kinds: (H, W) REMOVED, ADDED or both, at the same places.
         judged: (H, W) neither unknown nor without data.
         compared: Whether anything was computed: not where no raster or one holds data only, and
@@ -66,13 +69,13 @@ def compare_tile(
 def _painted(
     regions: tuple[Region, ...], tile: Tile
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Draw the regions that touch the core, whole: what a border cuts is not cut in the mask."""
+    """Draw the regions of which enough lies in the core, whole: no border of tiles cuts them."""
     height, width = size_hw = tile.box.size_hw
     score, kinds = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
-    core: Box = tile.core
+    core = tile.core
     for region in regions:
         mask = np.asarray(coco.decode(region.rle), dtype=bool).reshape(size_hw)
-        if mask[core.within(tile.box)].any():
+        if np.count_nonzero(mask[core.within(tile.box)]) >= OWN_SHARE * region.area_px:
             percent = max(1, round(PERCENT * region.score))
             score[mask] = np.maximum(score[mask], percent)
             kinds[mask] |= REMOVED if region.kind == "removed" else ADDED

@@ -57,8 +57,8 @@ def compare_rasters(  # noqa: PLR0913 - what, where to, how, and who listens
     """Find what changed between two georeferenced rasters, and write it into a folder.
 
     Everything is in the grid of the raster before. The one after is read on it, moved by the shift
-    that most of a sample of tiles agree on. What touches a tile's share of the raster is drawn
-    whole, so that nothing is cut at a border between tiles.
+    that most of a sample of tiles agree on. A region of which enough lies in a tile's
+    share of the raster is drawn whole, so that nothing is cut at a border between tiles.
 
     Args:
         before: The earlier raster.
