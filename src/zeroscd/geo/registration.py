@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+import cv2
 import numpy as np
 
 from zeroscd.alignment.homography import apply
@@ -15,6 +16,7 @@ from zeroscd.records import Alignment
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from zeroscd.arrays import Rgb
     from zeroscd.detector import Detector
     from zeroscd.evidence import Evidence
     from zeroscd.geo.rasters import GridReader, RasterPair
@@ -22,10 +24,11 @@ if TYPE_CHECKING:
     from zeroscd.progress import Progress
 
 SAMPLED = 16  # tiles that are matched; a shift common to all shows in far fewer
-LOOKED_AT = 64  # tiles of which the fullest are sampled
+LOOKED_AT = 64  # tiles of which the fullest that differ are sampled
 SEED = 0  # of the lot that draws them
 AGREE_PX = 2.0  # tiles whose shifts are that near say the same: a third of a patch of lite's finest
 MIN_AGREEING = 0.5  # share of the sampled tiles; one place that slid moves no raster
+MATCH_ERROR = 0.01  # of a tile: twice the finest patch of lite
 MIN_SHIFT_PX = 1.0  # a smaller one is within what matching can tell, and the georeference stands
 
 NO_SHIFT = (0.0, 0.0)
@@ -37,11 +40,11 @@ class TileFit(NamedTuple):
     Attributes:
         shift_xy_px: How far its centre lies from where the georeference puts it; None if its photos
             could not be aligned.
-        tau: The threshold that its comparison had; None where both photos are equal.
+        tau: The threshold that its comparison had.
     """
 
     shift_xy_px: tuple[float, float] | None
-    tau: float | None
+    tau: float
 
 
 class Registration(NamedTuple):
@@ -51,7 +54,7 @@ class Registration(NamedTuple):
         shift_xy_px: What most of them agree on, in pixels of the raster before; None if nothing.
         sampled: Tiles that were matched.
         agreeing: Of them, those within AGREE_PX of the shift.
-        tau: The threshold of all tiles; None where no tile says one.
+        tau: The threshold of all tiles; None where all are equal.
     """
 
     shift_xy_px: tuple[float, float] | None
@@ -81,16 +84,18 @@ def register(
         detector: Encodes and aligns.
         progress: Hears of every sampled tile.
     """
-    found = _match(pair, tiles, detector, progress)
-    first = found.correction_xy_px
-    if first == NO_SHIFT:
-        return found
-    # Matches are most exact where patches lie on each other.
-    again = _match(pair.shifted(first), tiles, detector, progress)
-    if again.shift_xy_px is None:
-        return found
-    total = (first[0] + again.shift_xy_px[0], first[1] + again.shift_xy_px[1])
-    return again._replace(shift_xy_px=total)
+    boxes, fits = [], []
+    with pair.reading() as readers:
+        boxes = _fullest(readers, tiles)
+        progress.begin(len(boxes))
+        for box in boxes:
+            fits.append(_fit(_photos(readers, box), detector))
+            progress.advance("matching", reused=False)
+    if not fits:  # wherever both hold data, they are equal
+        return Registration(NO_SHIFT, 0, 0, None)
+    found = agreed_shift([fit.shift_xy_px for fit in fits])
+    sharper = _sharpened(found, pair, boxes)
+    return sharper._replace(tau=float(np.median([fit.tau for fit in fits])))
 
 
 def agreed_shift(shifts: Sequence[tuple[float, float] | None]) -> Registration:
@@ -115,40 +120,52 @@ def agreed_shift(shifts: Sequence[tuple[float, float] | None]) -> Registration:
     return Registration((x, y), len(shifts), len(agreeing), None)
 
 
-def _match(
-    pair: RasterPair, tiles: Sequence[Tile], detector: Detector, progress: Progress
-) -> Registration:
-    fits = []
-    with pair.reading() as readers:
-        boxes = _fullest(readers, tiles)
-        progress.begin(len(boxes))
-        for box in boxes:
-            fits.append(_fit(readers, box, detector))
-            progress.advance("matching", reused=False)
-    found = agreed_shift([fit.shift_xy_px for fit in fits])
-    taus = [fit.tau for fit in fits if fit.tau is not None]
-    return found._replace(tau=float(np.median(taus)) if taus else None)
+def _sharpened(found: Registration, pair: RasterPair, boxes: Sequence[Box]) -> Registration:
+    """Measure what is left of a shift once it is mended, in pixels instead of patches.
+
+    Source: phase correlation (Kuglin and Hines 1975), as in OpenCV.
+    """
+    first = found.correction_xy_px
+    if first == NO_SHIFT:
+        return found
+    with pair.shifted(first).reading() as readers:
+        left = [_left_over(_photos(readers, box)) for box in boxes]
+    again = agreed_shift(left)
+    if again.shift_xy_px is None:
+        return found
+    total = (first[0] + again.shift_xy_px[0], first[1] + again.shift_xy_px[1])
+    return again._replace(shift_xy_px=total)
+
+
+def _left_over(photos: tuple[Rgb, Rgb]) -> tuple[float, float] | None:
+    before, after = (photo.mean(axis=2, dtype=np.float32) for photo in photos)
+    height, width = before.shape
+    window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+    (x, y), _ = cv2.phaseCorrelate(before, after, window)
+    return (x, y) if math.hypot(x, y) <= MATCH_ERROR * max(height, width) else None
+
+
+def _photos(readers: tuple[GridReader, GridReader], box: Box) -> tuple[Rgb, Rgb]:
+    (before, valid_t0), (after, valid_t1) = (reader.read(box) for reader in readers)
+    return filled((before, after), (valid_t0, valid_t1))
 
 
 def _fullest(readers: tuple[GridReader, GridReader], tiles: Sequence[Tile]) -> list[Box]:
-    """Draw tiles by lot and return those of them with the most data in both rasters."""
+    """Draw tiles by lot and return those with the most data in both rasters, if it differs."""
     drawn = np.random.default_rng(SEED).permutation(len(tiles))[:LOOKED_AT]
-    boxes = [tiles[at].box for at in drawn]
-    shares = [
-        float(np.mean(np.logical_and(*(reader.read(box)[1] for reader in readers))))
-        for box in boxes
-    ]
-    order = np.argsort([-share for share in shares], kind="stable")[:SAMPLED]
-    return [boxes[at] for at in order if shares[at] > 0]
+    shares = {}
+    for box in (tiles[at].box for at in drawn):
+        (before, valid_t0), (after, valid_t1) = (reader.read(box) for reader in readers)
+        valid = valid_t0 & valid_t1
+        if not np.array_equal(before[valid], after[valid]):
+            shares[box] = float(valid.mean())
+    return sorted(shares, key=lambda box: -shares[box])[:SAMPLED]
 
 
-def _fit(readers: tuple[GridReader, GridReader], box: Box, detector: Detector) -> TileFit:
-    (before, valid_t0), (after, valid_t1) = (reader.read(box) for reader in readers)
-    before, after = filled((before, after), (valid_t0, valid_t1))
-    if np.array_equal(before, after):
-        return TileFit((0.0, 0.0), None)
-    evidence = detector.compare(*detector.encode([before, after]))
-    return TileFit(_shift_of(evidence, box.size_hw), _tau_of(evidence, detector))
+def _fit(photos: tuple[Rgb, Rgb], detector: Detector) -> TileFit:
+    evidence = detector.compare(*detector.encode(photos))
+    height, width = photos[0].shape[:2]
+    return TileFit(_shift_of(evidence, (height, width)), _tau_of(evidence, detector))
 
 
 def _shift_of(evidence: Evidence, size_hw: tuple[int, int]) -> tuple[float, float] | None:

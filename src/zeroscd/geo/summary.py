@@ -67,7 +67,9 @@ def sentences(summary: Mapping[str, Any]) -> list[str]:
     found = summary["registration"]
     shift = found["shift_px"]
     agreeing = f"{found['agreeing']} of {found['sampled']} sampled tiles agree"
-    if shift is None:
+    if not found["sampled"]:
+        moved = "both rasters are equal wherever both hold data and were looked at"
+    elif shift is None:
         moved = f"the georeference was taken as it is: only {agreeing} on a shift"
     elif found["mended"]:
         moved = f"the raster after was moved by {shift[0]:.1f}, {shift[1]:.1f} px ({agreeing})"
