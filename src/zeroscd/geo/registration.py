@@ -120,6 +120,13 @@ def agreed_shift(shifts: Sequence[tuple[float, float] | None]) -> Registration:
     return Registration((x, y), len(shifts), len(agreeing), None)
 
 
+def fitted_tau(evidence: Evidence, detector: Detector) -> float:
+    """Return the threshold that the detector's settings give a pair of photos."""
+    both = (evidence.distances_t0, evidence.distances_t1)
+    measured = [distances for distances in both if distances is not None]
+    return fuse_depths(measured, detector.settings.change, tau=detector.models.encoder.tau).tau
+
+
 def _sharpened(found: Registration, pair: RasterPair, boxes: Sequence[Box]) -> Registration:
     """Measure what is left of a shift once it is mended, in pixels instead of patches.
 
@@ -165,7 +172,7 @@ def _fullest(readers: tuple[GridReader, GridReader], tiles: Sequence[Tile]) -> l
 def _fit(photos: tuple[Rgb, Rgb], detector: Detector) -> TileFit:
     evidence = detector.compare(*detector.encode(photos))
     height, width = photos[0].shape[:2]
-    return TileFit(_shift_of(evidence, (height, width)), _tau_of(evidence, detector))
+    return TileFit(_shift_of(evidence, (height, width)), fitted_tau(evidence, detector))
 
 
 def _shift_of(evidence: Evidence, size_hw: tuple[int, int]) -> tuple[float, float] | None:
@@ -175,9 +182,3 @@ def _shift_of(evidence: Evidence, size_hw: tuple[int, int]) -> tuple[float, floa
     centre = (np.array([size_hw[::-1]]) - 1) / 2
     x, y = (apply(alignment.t1_from_t0, centre) - centre)[0]
     return (float(x), float(y)) if np.isfinite((x, y)).all() else None
-
-
-def _tau_of(evidence: Evidence, detector: Detector) -> float:
-    both = (evidence.distances_t0, evidence.distances_t1)
-    measured = [distances for distances in both if distances is not None]
-    return fuse_depths(measured, detector.settings.change, tau=detector.models.encoder.tau).tau
