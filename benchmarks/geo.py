@@ -51,6 +51,7 @@ TILE_M = 512  # on the ground
 STRIP_PX = 512
 ACROSS = 20  # corners of tiles where a house is put on the corner and on both borders beside it
 HOUSE_WH, ASIDE_PX, ROOF = (52, 44), 300, (165, 90, 70)
+NEW_CELLS = 4  # side of what is new in a raster that was updated in part
 FOUND_SHARE = 0.5  # of a house that must be in the mask
 AROUND_PX = 64  # of a house, where its polygon is looked for
 KIB = 1024
@@ -137,18 +138,15 @@ def make_scene(side_px: int, tile_px: int, renewed: int | None) -> Scene:
 
 
 def squares(side_px: int, cell_px: int, number: int) -> tuple[Box, ...]:
-    """Draw squares by lot that are a fifth of a raster wide, in whole cells."""
-    lot, cells = np.random.default_rng(side_px), side_px // cell_px
-    wide = max(1, cells // 5)
-    corners = lot.integers(0, cells - wide + 1, (number, 2)).tolist()
-    return tuple(
-        Box(x * cell_px, y * cell_px, (x + wide) * cell_px, (y + wide) * cell_px)
-        for x, y in corners
-    )
+    """Draw squares of some cells by lot."""
+    wide = NEW_CELLS * cell_px
+    lot, most = np.random.default_rng(side_px), (side_px - wide) // cell_px
+    corners = cell_px * lot.integers(0, most + 1, (number, 2))
+    return tuple(Box(x, y, x + wide, y + wide) for x, y in corners.tolist())
 
 
 def _well_inside(x: int, y: int, box: Box) -> bool:
-    far = 2 * ASIDE_PX
+    far = ASIDE_PX + max(HOUSE_WH)
     return box.left + far < x < box.right - far and box.top + far < y < box.bottom - far
 
 

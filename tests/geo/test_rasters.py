@@ -156,6 +156,13 @@ def test_what_one_does_not_show_is_filled_with_the_other() -> None:
     assert other == [20, 10, 20, 128]
 
 
+def test_blocks_stay_in_a_cache_of_a_bounded_size(tmp_path: Path, write_raster: Any) -> None:
+    """In bytes: 128 of them hold no block, and then every row is decoded anew."""
+    path = write_raster(tmp_path / "a.tif", texture(60, 80))
+    with open_pair(path, path, RasterOptions()):
+        assert 2**25 < rasterio.env.getenv()["GDAL_CACHEMAX"] < 2**28
+
+
 def refused(tmp_path: Path, before: Path, after: Path | None = None) -> str:
     with (
         pytest.raises(ImageError) as caught,

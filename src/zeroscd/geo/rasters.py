@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from zeroscd.geo.bands import Stretch
 
 MIN_SIDE_PX = 32  # one patch of the coarsest stride that an encoder here has
-CACHE_MB = 128  # of GDAL, whose default is a share of the machine's memory
+CACHE_BYTES = 128 * 2**20  # of GDAL, whose default is a share of the machine's memory
 WARP_MB = 64
 BETWEEN = 21  # points of an edge that are carried to another CRS, in which it is bent
 EMPTY = 128  # grey where neither raster shows anything
@@ -153,7 +153,7 @@ def open_pair(before: Path, after: Path, options: RasterOptions) -> Iterator[Ras
         SettingsError: A raster has no such bands, or needs a stretch.
     """
     # GDAL's cache would else grow with the machine's memory.
-    with rasterio.Env(GDAL_CACHEMAX=CACHE_MB), _open(before) as old, _open(after) as new:
+    with rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES), _open(before) as old, _open(after) as new:
         own = options.bands, options.bands_after or options.bands
         chosen = [
             rendering(raster, bands=bands, stretch=options.stretch, name=one_line(raster.name))
