@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from zeroscd.progress import Progress
 
 SAMPLED = 16  # tiles that are matched; a shift common to all shows in far fewer
-LOOKED_AT = 64  # tiles of which the fullest that differ are sampled
+LOOKED_AT = 256  # tiles of which those are sampled that differ most: a mosaic may be new in part
+DIFFERS = 0.5  # of the share of pixels that differ in the best of them; equal ones say no threshold
 SEED = 0  # of the lot that draws them
 AGREE_PX = 2.0  # tiles whose shifts are that near say the same: a third of a patch of lite's finest
 MIN_AGREEING = 0.5  # share of the sampled tiles; one place that slid moves no raster
@@ -84,9 +85,9 @@ def register(
         detector: Encodes and aligns.
         progress: Hears of every sampled tile.
     """
-    boxes, fits = [], []
+    fits = []
     with pair.reading() as readers:
-        boxes = _fullest(readers, tiles)
+        boxes = _telling(readers, tiles)
         progress.begin(len(boxes))
         for box in boxes:
             fits.append(_fit(_photos(readers, box), detector))
@@ -157,16 +158,19 @@ def _photos(readers: tuple[GridReader, GridReader], box: Box) -> tuple[Rgb, Rgb]
     return filled((before, after), (valid_t0, valid_t1))
 
 
-def _fullest(readers: tuple[GridReader, GridReader], tiles: Sequence[Tile]) -> list[Box]:
-    """Draw tiles by lot and return those with the most data in both rasters, if it differs."""
+def _telling(readers: tuple[GridReader, GridReader], tiles: Sequence[Tile]) -> list[Box]:
+    """Draw tiles by lot and return those in which most pixels differ; nodata and copies do not."""
     drawn = np.random.default_rng(SEED).permutation(len(tiles))[:LOOKED_AT]
-    shares = {}
-    for box in (tiles[at].box for at in drawn):
-        (before, valid_t0), (after, valid_t1) = (reader.read(box) for reader in readers)
-        valid = valid_t0 & valid_t1
-        if not np.array_equal(before[valid], after[valid]):
-            shares[box] = float(valid.mean())
-    return sorted(shares, key=lambda box: -shares[box])[:SAMPLED]
+    boxes = [tiles[at].box for at in drawn]
+    shares = {box: _share_that_differs(readers, box) for box in boxes}
+    least = DIFFERS * max(shares.values())
+    differing = [box for box in boxes if shares[box] > 0 and shares[box] >= least]
+    return sorted(differing, key=lambda box: -shares[box])[:SAMPLED]
+
+
+def _share_that_differs(readers: tuple[GridReader, GridReader], box: Box) -> float:
+    (before, valid_t0), (after, valid_t1) = (reader.read(box) for reader in readers)
+    return float(np.mean((before != after).any(axis=2) & valid_t0 & valid_t1))
 
 
 def _fit(photos: tuple[Rgb, Rgb], detector: Detector) -> TileFit:
