@@ -55,6 +55,11 @@ NEW_CELLS = 4  # side of what is new in a raster that was updated in part
 FOUND_SHARE = 0.5  # of a house that must be in the mask
 AROUND_PX = 64  # of a house, where its polygon is looked for
 KIB = 1024
+# Of summary.json: nothing that names files.
+SAID = (
+    *("preset", "tile_px", "tiles", "tiles_skipped", "registration", "tau"),
+    *("changes", "area_m2", "changed_fraction", "judged_fraction"),
+)
 # Threads that wait for each other on a busy machine count as work.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
@@ -109,7 +114,7 @@ def main(arguments: Sequence[str]) -> None:
         "set": given.set,
         **run,
         **score(scene, given.work / "out" / "mask.tif", given.tile),
-        "summary": {k: v for k, v in summary.items() if k not in ("settings", "versions")},
+        "summary": {key: summary[key] for key in SAID},
         "machine": machine() | {"load_average": os.getloadavg()},
     }
     write_json(figures, given.out)
