@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ POINT = struct.pack("<BIdd", 1, 1, 9.5, 48.25)
 def test_a_layer_has_its_name_crs_types_and_nulls_and_is_the_same_each_time(
     tmp_path: Path,
 ) -> None:
-    columns = {"id": [1, None], "share": [0.5, None], "name": ["ä", None]}
+    columns: dict[str, list[Any]] = {"id": [1, None], "share": [0.5, None], "name": ["ä", None]}
 
     def write() -> bytes:
         return geopackage(
