@@ -163,6 +163,19 @@ def test_blocks_stay_in_a_cache_of_a_bounded_size(tmp_path: Path, write_raster: 
         assert 2**25 < rasterio.env.getenv()["GDAL_CACHEMAX"] < 2**28
 
 
+@pytest.mark.parametrize("stretch", ["auto", (0.0, 255.0)])
+def test_a_file_that_was_cut_short_is_named(
+    stretch: Any, tmp_path: Path, write_raster: Any
+) -> None:
+    whole = write_raster(tmp_path / "a.tif", texture(300, 300).astype(np.uint16))
+    short = write_raster(
+        tmp_path / "b.tif", texture(300, 300).astype(np.uint16), tiled=True, compress="deflate"
+    )
+    short.write_bytes(short.read_bytes()[: short.stat().st_size // 2])
+    with pytest.raises(ImageError, match=r"b\.tif is damaged .*; copy or download it again"):
+        read(whole, short, stretch=stretch)
+
+
 def refused(tmp_path: Path, before: Path, after: Path | None = None) -> str:
     with (
         pytest.raises(ImageError) as caught,

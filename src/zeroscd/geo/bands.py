@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from rasterio.enums import ColorInterp
+from rasterio.errors import RasterioError
 
 from zeroscd.errors import ImageError, SettingsError
-from zeroscd.text import shown
+from zeroscd.text import one_line, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
     from rasterio.io import DatasetReader
@@ -67,7 +69,7 @@ def rendering(
         name: Of the raster, for messages.
 
     Raises:
-        ImageError: The raster has a palette or complex numbers.
+        ImageError: The raster has a palette or complex numbers, or is damaged.
         SettingsError: It has no such band, or its values are no bytes and shall not be stretched.
     """
     chosen = _bands(raster, bands, name)
@@ -85,7 +87,22 @@ def rendering(
         return Rendering(chosen, None)
     if isinstance(stretch, tuple):
         return Rendering(chosen, (stretch,) * len(chosen))
-    return Rendering(chosen, tuple(_percentiles(raster, band) for band in chosen))
+    with reading(name):
+        return Rendering(chosen, tuple(_percentiles(raster, band) for band in chosen))
+
+
+@contextmanager
+def reading(name: str) -> Iterator[None]:
+    """Turn GDAL's errors while pixels are read into one line.
+
+    Raises:
+        ImageError: The file is damaged or cannot be read any more.
+    """
+    try:
+        yield
+    except RasterioError as error:
+        message = f"{name} is damaged ({one_line(str(error))}); copy or download it again"
+        raise ImageError(message) from error
 
 
 def parse_bands(text: str | None) -> tuple[int, ...] | None:

@@ -17,7 +17,7 @@ from rasterio.warp import transform_bounds
 from rasterio.windows import Window
 
 from zeroscd.errors import ImageError
-from zeroscd.geo.bands import AUTO, Rendering, rendering
+from zeroscd.geo.bands import AUTO, Rendering, reading, rendering
 from zeroscd.geo.tiling import Box
 from zeroscd.text import one_line
 
@@ -110,16 +110,23 @@ class RasterPair:
         grid, moved = self.grid, self.grid.shifted(self.shift_xy_px)
         with on_grid(self.before, grid) as before, on_grid(self.after, moved) as after:
             yield (
-                GridReader(before, self.renderings[0]),
-                GridReader(after, self.renderings[1]),
+                GridReader(before, self.renderings[0], one_line(self.before.name)),
+                GridReader(after, self.renderings[1], one_line(self.after.name)),
             )
 
 
 class GridReader(NamedTuple):
-    """A raster on a grid, read window by window."""
+    """A raster on a grid, read window by window.
+
+    Attributes:
+        raster: Warped to the grid, with alpha.
+        rendering: How it becomes a photo.
+        name: Its file, for messages.
+    """
 
     raster: WarpedVRT
     rendering: Rendering
+    name: str
 
     def read(self, box: Box) -> tuple[Rgb, Mask]:
         """Return a window as a photo, (H, W, 3), and where it holds data, (H, W).
@@ -130,11 +137,8 @@ class GridReader(NamedTuple):
         height, width = box.size_hw
         window = Window(box.left, box.top, width, height)
         alpha = list(self.raster.colorinterp).index(ColorInterp.alpha) + 1
-        try:
+        with reading(self.name):
             values = self.raster.read([*self.rendering.bands, alpha], window=window)
-        except RasterioError as error:
-            message = f"a raster cannot be read at {tuple(box)} ({error}); copy it again"
-            raise ImageError(message) from error
         shown, valid = values[:-1], values[-1] > 0
         return self.rendering.apply(shown), valid & np.isfinite(shown).all(axis=0)
 
