@@ -32,6 +32,7 @@ PRESENTING = (
     "retrieval",
     "samples",
     "evaluation",
+    "geo",
     "onnx",
 )
 DECIDING = frozenset({".py", ".safetensors", ".json"})

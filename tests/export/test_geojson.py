@@ -142,3 +142,10 @@ def test_line_by_line_is_the_same_file(rows: list[tuple[str, tuple[float, float]
     written = b"".join(geojson_lines(features))
     assert json.loads(written) == geojson(features)
     assert len(written.splitlines()) == 2 + len(features)
+
+
+def test_a_crs_that_is_not_that_of_rfc_7946_is_named() -> None:
+    text = b"".join(geojson_lines([{"type": "Feature"}], crs="urn:ogc:def:crs:EPSG::32632"))
+    found = json.loads(text)
+    assert found["crs"] == {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32632"}}
+    assert found["features"] == [{"type": "Feature"}]

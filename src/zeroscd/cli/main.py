@@ -20,6 +20,7 @@ from zeroscd.cli.demo import demo
 from zeroscd.cli.detect import detect
 from zeroscd.cli.evaluate import evaluate
 from zeroscd.cli.export_onnx import export_onnx
+from zeroscd.cli.geo import geo
 from zeroscd.cli.refine_masks import refine_masks
 from zeroscd.cli.refusals import refusal
 from zeroscd.cli.serve import serve
@@ -44,6 +45,7 @@ app.command()(demo)
 app.command()(detect)
 app.command()(batch)
 app.command()(survey)
+app.command()(geo)
 app.command()(evaluate)
 app.command()(ablate)
 app.command()(refine_masks)
