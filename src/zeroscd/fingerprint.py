@@ -32,6 +32,7 @@ PRESENTING = (
     "samples",
     "evaluation",
     "onnx",
+    "watch",
 )
 DECIDING = frozenset({".py", ".safetensors", ".json"})
 PACKAGES = (

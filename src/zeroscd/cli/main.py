@@ -24,6 +24,7 @@ from zeroscd.cli.refusals import refusal
 from zeroscd.cli.serve import serve
 from zeroscd.cli.settings import settings
 from zeroscd.cli.survey import survey
+from zeroscd.cli.watch import watch
 from zeroscd.errors import ZeroscdError
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ app.command()(demo)
 app.command()(detect)
 app.command()(batch)
 app.command()(survey)
+app.command()(watch)
 app.command()(evaluate)
 app.command()(ablate)
 app.command()(bench)
