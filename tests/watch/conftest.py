@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.watch.toy import tiles, wall
+from tests.watch.toy import WallSegmenter, wall
 
 from zeroscd.detector import Detector
 from zeroscd.given import Given
@@ -13,19 +13,14 @@ from zeroscd.models import Models
 from zeroscd.watch import Place
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from zeroscd.settings import Settings
 
 
 @pytest.fixture(scope="session")
-def toy_watch_detector(
-    toy_encoder: object, cut_by_size: Callable[..., object], plain_settings: Settings
-) -> Detector:
+def toy_watch_detector(toy_encoder: object, plain_settings: Settings) -> Detector:
     """Finds what is painted on the wall, to the tile."""
-    models = Models(encoder=toy_encoder, segmenter=cut_by_size(tiles))  # type: ignore[arg-type]
-    settings = plain_settings.override({"kinds": "novelty", "judge": "likely"})
-    return Detector(settings, models)
+    models = Models(encoder=toy_encoder, segmenter=WallSegmenter())  # type: ignore[arg-type]
+    return Detector(plain_settings, models)
 
 
 @pytest.fixture
