@@ -47,9 +47,9 @@ def watch(
     every: Annotated[
         str | None,
         typer.Option(
-            metavar="N|SECONDSs",
-            help="Look at each N-th frame, or at one each so many seconds of a video (0.5s).  "
-            "[default: every photo; 1s of a video]",
+            metavar="N|Ns",
+            help="Look at each N-th frame only; of a video also at one each N seconds (2s).  "
+            "[default: every photo, 1s of a video]",
         ),
     ] = None,
     out: Annotated[
@@ -214,8 +214,11 @@ def finish(summary: Summary) -> None:
     from zeroscd.watch import as_values
 
     answer_line(as_values(summary))
-    unused = ", ".join(f"{count} {why}" for why, count in summary.unused.items() if count)
+    unused = "".join(
+        f", {count} {why.replace('_', ' ')}" for why, count in summary.unused.items() if count
+    )
+    changes = "1 change" if summary.changes == 1 else f"{summary.changes} changes"
     say(
-        f"{summary.changes} changes that stayed; {summary.compared} of {summary.frames} frames "
-        f"compared, {summary.skipped} left out" + (f", {unused}" if unused else "")
+        f"{changes} that stayed; {summary.compared} of {summary.frames} frames "
+        f"compared, {summary.skipped} left out{unused}"
     )
