@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import time
 from collections import Counter
 from dataclasses import dataclass, field
@@ -24,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from drive_scene import MOVERS, PAVEMENT, ROAD, cut_outs, read_frames
+from drive_scene import cut_outs, read_frames
 from pair import commit
 from PIL import Image
 
@@ -51,6 +50,7 @@ LASTING = (1, 2, 3, 5)  # frames that a change must last
 SHAKE_PX = {"fixed": 1.0, "returning": 6.0}  # how far a corner moves between passes
 GAMMA, GAIN, NOISE, QUALITY = (0.85, 1.2), 0.06, 2.0, 90
 MIN_SHARE = 0.3  # of a report's pixels that lie on what it shows, as in drive_score.py
+FEET = (0.6, 0.95)  # of the height of a photo, where things stand
 TRIES = 500
 SUMS = ("regions", "stayed", "found", "double", "passing", "traffic", "other")
 
@@ -74,7 +74,6 @@ def main() -> None:
     options = parser.parse_args()
     frames = read_frames(options.data / "street-photos", options.data / "street-labels")
     cuts = list(cut_outs(frames))
-    labels = {_address(one.name): one.labels for one in frames}
     root = options.data / "street-views-dev"
     pairs = [one for one in json.loads((root / "pairs.json").read_text()) if not one["added"]]
     detector = Detector.from_preset("lite")
@@ -82,9 +81,9 @@ def main() -> None:
     for variant, shake_px in SHAKE_PX.items():
         places = []
         for pair in pairs[: options.places]:
-            ground = labels[pair["drive"], pair["frame"]]
+            photo, movers = _read(root, "t1", pair), _movers(root, pair)
             rng = np.random.default_rng([options.seed, int(pair["stem"])])
-            made = make_passes(_read(root, "t1", pair), ground, cuts, rng, shake_px=shake_px)
+            made = make_passes(photo, movers, cuts, rng, shake_px=shake_px)
             places.append(watch_place(detector, root, pair, made, variant))
             print(variant, pair["stem"], places[-1]["by_frames"]["3"], flush=True)
         variants[variant] = add_up(places)
@@ -95,17 +94,17 @@ def main() -> None:
 
 def make_passes(
     photo: Rgb,
-    labels: Rgb,
+    movers: Mask,
     cuts: Sequence[CutOut],
     rng: np.random.Generator,
     *,
     shake_px: float,
 ) -> Passes:
     """Paste things that stay and things that pass, then shake the camera and change the light."""
-    made, taken = Passes(), np.isin(labels, MOVERS)
+    made, taken = Passes(), movers.copy()
     things = []
     for k in range(len(STAYING) + PASSING):
-        pasted = _paste(photo.shape[:2], labels, taken, cuts, rng)
+        pasted = _paste(taken, cuts, rng)
         if pasted is None:
             continue
         mask, pixels = pasted
@@ -129,23 +128,18 @@ def make_passes(
 
 
 def _paste(
-    size_hw: tuple[int, ...],
-    labels: Rgb,
-    taken: Mask,
-    cuts: Sequence[CutOut],
-    rng: np.random.Generator,
+    taken: Mask, cuts: Sequence[CutOut], rng: np.random.Generator
 ) -> tuple[Mask, Rgb] | None:
-    """Find a spot on the ground where nothing stands; None where there is none."""
+    """Find a spot where nothing that moves or stays stands; None where there is none."""
+    rows, columns = taken.shape
     for _ in range(TRIES):
         cut = cuts[int(rng.integers(len(cuts)))].pixels
         height, width = cut.shape[:2]
-        if height >= size_hw[0] or width >= size_hw[1]:
-            continue
-        top, left = (int(rng.integers(side)) for side in (size_hw[0] - height, size_hw[1] - width))
+        top = round(rows * rng.uniform(*FEET)) - height
+        left = int(rng.integers(max(columns - width, 1)))
         window = slice(top, top + height), slice(left, left + width)
-        foot = labels[window][-1, width // 4 : 3 * width // 4 + 1]
-        if np.isin(foot, (ROAD, PAVEMENT)).mean() > 0.5 and not taken[window].any():  # noqa: PLR2004
-            mask, pixels = np.zeros(size_hw, bool), np.zeros((*size_hw, 3), np.uint8)
+        if top >= 0 and left + width <= columns and not taken[window].any():
+            mask, pixels = np.zeros(taken.shape, bool), np.zeros((*taken.shape, 3), np.uint8)
             mask[window], pixels[window] = cut[..., 3] > 0, cut[..., :3]
             return mask, pixels
     return None
@@ -185,13 +179,12 @@ def watch_place(
         seconds.append(time.process_time() - began)
     way = _first_from_photo(detector, references[0], photo)
     size_hw = references[0].shape[:2]
-    traffic = read_area(root / "ignore" / f"{pair['stem']}.png", size_hw=photo.shape[:2])
     truth = {
         kind: [warp_mask(mask, way, size_b_hw=size_hw) for mask in masks]
         for kind, masks in (
             ("staying", made.staying),
             ("passing", made.passing),
-            ("traffic", [traffic]),
+            ("traffic", [_movers(root, pair)]),
         )
     }
     used = [view for view in views if not isinstance(view, NotAligned)]
@@ -304,13 +297,12 @@ def table(variants: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _address(name: str) -> tuple[str, int]:
-    drive, _, number = name.partition("_")
-    return drive, int(re.sub(r"\D", "", number))
-
-
 def _read(root: Path, folder: str, pair: dict[str, Any]) -> Rgb:
     return np.asarray(Image.open(root / folder / f"{pair['stem']}.jpg").convert("RGB"))
+
+
+def _movers(root: Path, pair: dict[str, Any]) -> Mask:
+    return np.asarray(Image.open(root / "ignore" / f"{pair['stem']}.png").convert("L")) > 127  # noqa: PLR2004
 
 
 if __name__ == "__main__":
