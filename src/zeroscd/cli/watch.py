@@ -102,7 +102,7 @@ def watch(
     watcher = Watcher(place, min_frames=min_frames, keep_pictures=out is not None)
     try:
         follow(watcher, opened, out)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ZeroscdError):
         finish(watcher.summary())
         raise
     summary = watcher.summary()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter, deque
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import ImageError
@@ -156,6 +157,10 @@ def watch(
     """
     watcher = Watcher(place, min_frames=min_frames, keep_pictures=keep_pictures)
     for number, one in enumerate(frames):
-        info = FrameInfo(number=number)
-        yield from watcher.see(one if isinstance(one, Frame) else Frame(info=info, photo=one))
+        yield from watcher.see(one if isinstance(one, Frame) else _numbered(one, number))
     yield watcher.summary()
+
+
+def _numbered(photo: PhotoSource, number: int) -> Frame:
+    name = str(photo) if isinstance(photo, str | Path) else None
+    return Frame(info=FrameInfo(number=number, name=name), photo=photo)
