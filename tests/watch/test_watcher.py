@@ -98,7 +98,7 @@ def test_a_thing_that_goes_on_behind_passing_ones_is_not_reported_again(place: P
 
 def test_the_same_frames_give_the_same_lines(place: Place) -> None:
     def lines() -> list[str]:
-        frames = (draw(k, [*STAYING, *PASSING]) for k in range(8))
+        frames = (draw(k, [*STAYING, *PASSING]) for k in range(5))
         return [json.dumps(as_values(one)) for one in watch(frames, place)]
 
     assert lines() == lines()

@@ -48,8 +48,8 @@ def watch(
         str | None,
         typer.Option(
             metavar="N|Ns",
-            help="Look at each N-th frame only; of a video also at one each N seconds (2s).  "
-            "[default: every photo, 1s of a video]",
+            help="Look at each N-th frame only, or of a video at one each N seconds (2s); if not "
+            "given, at every photo, and each second of a video.",
         ),
     ] = None,
     out: Annotated[
