@@ -1,13 +1,14 @@
 """Passes of a camera with known truth through `zeroscd watch`: what stayed, passed, is false.
 
-    python benchmarks/watch.py DATA -o OUT.json [--places 10]
+    python benchmarks/watch.py DATA -o OUT [--places 10]
 
 DATA has street-views-dev, street-photos and street-labels. For each of the unchanged places, twelve
 passes are made up from its new photo: the camera shakes, light and noise change; two things are
 pasted in to stay, ten more stand in one or two passes. All come from other photos. They are
 watched twice: `fixed` has the new photo itself as its reference, `returning` the three old photos
 of the place, taken from other spots (true parallax). Each sequence is compared once; the reports
-are then counted for several numbers of frames that a change must last.
+are then counted for several numbers of frames that a change must last. What is done is not done
+again; figures go to OUT/watch.json.
 """
 
 from __future__ import annotations
@@ -81,14 +82,17 @@ def main() -> None:
     for variant, shake_px in SHAKE_PX.items():
         places = []
         for pair in pairs[: options.places]:
-            photo, movers = _read(root, "t1", pair), _movers(root, pair)
-            rng = np.random.default_rng([options.seed, int(pair["stem"])])
-            made = make_passes(photo, movers, cuts, rng, shake_px=shake_px)
-            places.append(watch_place(detector, root, pair, made, variant))
+            done = options.out / f"{variant}_{pair['stem']}.json"
+            if not done.exists():
+                photo, movers = _read(root, "t1", pair), _movers(root, pair)
+                rng = np.random.default_rng([options.seed, int(pair["stem"])])
+                made = make_passes(photo, movers, cuts, rng, shake_px=shake_px)
+                write_json(watch_place(detector, root, pair, made, variant), done)
+            places.append(json.loads(done.read_text()))
             print(variant, pair["stem"], places[-1]["by_frames"]["3"], flush=True)
         variants[variant] = add_up(places)
-    content = {"schema": 1, "name": options.out.stem, "commit": commit(), "variants": variants}
-    write_json(content, options.out)
+    content = {"schema": 1, "name": "watch", "commit": commit(), "variants": variants}
+    write_json(content, options.out / "watch.json")
     print(table(variants))
 
 

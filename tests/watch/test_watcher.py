@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.watch.toy import (
     SIZE_HW,
@@ -147,6 +147,7 @@ def test_a_thing_that_moves_on_is_none_that_stays() -> None:
     assert numbers(follow([view(seen(square(40 * k, 64, 60))) for k in range(8)])) == []
 
 
+@settings(max_examples=40)
 @given(
     shown=st.lists(st.tuples(st.booleans(), st.booleans(), st.booleans()), min_size=1, max_size=14),
     min_frames=st.integers(1, 4),
