@@ -73,7 +73,7 @@ def test_each_line_of_stdout_is_json_and_the_last_one_a_summary(
     }
     assert err.splitlines() == [
         "warning: not used: 3b.png: the same pixels as 3.png",
-        "warning: not used: 3c.jpg: 3c.jpg is empty (0 bytes); copy or download it again",
+        "warning: not used: 3c.jpg is empty (0 bytes); copy or download it again",
         "1 change that stayed; 6 of 8 frames compared, 0 left out, 1 unreadable, 1 duplicate",
     ]
 

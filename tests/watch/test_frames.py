@@ -126,7 +126,19 @@ def test_frames_that_a_cut_video_announces_are_named(tmp_path: Path) -> None:
     lost = [one for one in frames if one.photo is None]
     assert 5 < len(lost) < 15
     assert lost == frames[-len(lost) :]
-    assert "announces 20" in (lost[0].unreadable or "")
+    assert "announces 20 frames" in (lost[0].unreadable or "")
+    seconds = [one.info.seconds for one in frames]
+    assert seconds == pytest.approx([k / 10 for k in range(20)])
+    fewer = list(open_frames(cut, Every(frames=6)))
+    assert [one.info.number for one in fewer if one.photo is not None] == [0, 6]
+    assert [one.info.number for one in fewer if one.unreadable] == [12, 18]
+
+
+def test_a_folder_may_be_named_by_way_of_another_one(tmp_path: Path) -> None:
+    write_photo(tmp_path / "a" / "1.jpg")
+    (tmp_path / "b").mkdir()
+    assert names(list(open_frames(tmp_path / "b" / ".." / "a"))) == ["1.jpg"]
+    assert names(list(open_frames(tmp_path / "b" / ".." / "a" / "1.jpg"))) == ["1.jpg"]
 
 
 @pytest.mark.parametrize(

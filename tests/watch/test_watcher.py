@@ -21,6 +21,7 @@ from tests.watch.toy import (
     wall,
 )
 
+from zeroscd.errors import SettingsError
 from zeroscd.records import NotAligned
 from zeroscd.watch import Change, Ended, Frame, FrameInfo, Summary, Unused, as_values, watch
 
@@ -226,3 +227,8 @@ def test_lines_hold_what_the_docs_say() -> None:
         "bbox_xywh": [8, 16, 32, 32],
         "polygon_xy": [[[8, 16], [8, 48], [40, 48], [40, 16]]],
     }
+
+
+def test_a_change_must_last_a_frame_at_least() -> None:
+    with pytest.raises(SettingsError, match="min_frames is 0; give 1 or more"):
+        follow([], min_frames=0)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from zeroscd.given import Given
-    from zeroscd.watch import Change, Frame, Place, Summary, Watcher
+    from zeroscd.watch import Change, Frame, Place, Summary, Unused, Watcher
 
 
 def watch(
@@ -190,7 +190,13 @@ def follow(watcher: Watcher, frames: Iterable[Frame], out: Path | None) -> None:
                 save(event, watcher.place, out)
             answer_line(as_values(event))
             if isinstance(event, Unused):
-                warn(f"not used: {event.frame}: {event.reason}")
+                warn(f"not used: {reason_with_name(event)}")
+
+
+def reason_with_name(unused: Unused) -> str:
+    """Return why a frame was not used, with its name, which what is said of files begins with."""
+    name, reason = str(unused.frame), unused.reason
+    return reason if reason.startswith(name) else f"{name}: {reason}"
 
 
 def save(change: Change, place: Place, out: Path) -> None:

@@ -11,7 +11,7 @@ import cv2
 
 from zeroscd.errors import DatasetError, ImageError, SettingsError
 from zeroscd.images.exif import read_exif
-from zeroscd.images.folder import list_photos, photo_files
+from zeroscd.images.folder import absolute, list_photos, photo_files
 from zeroscd.images.read import read_file, read_photo
 from zeroscd.text import one_line, shown
 
@@ -131,12 +131,12 @@ def _photos(path: Path, every: Every) -> Iterator[Frame]:
         raise SettingsError(message)
     files = list_photos(path)
     unread = frozenset(files.unread)
-    root = path if path.is_dir() else path.parent
+    root = absolute(path if path.is_dir() else path.parent)
     names = sorted((Path(name) for name in (*files.photos, *unread)), key=_natural)
 
     def frames() -> Iterator[Frame]:
         for number, file in enumerate(names):
-            info = FrameInfo(number=number, name=file.relative_to(root.absolute()).as_posix())
+            info = FrameInfo(number=number, name=file.relative_to(root).as_posix())
             if number % every.frames:
                 yield Frame(info=info)
             elif str(file) in unread:
@@ -180,30 +180,34 @@ def _video(path: Path, every: Every) -> Iterator[Frame]:
 
 def _grabbed(video: cv2.VideoCapture, every: Every, rate: float) -> Iterator[Frame]:
     """Yield the frames of a video whose first one was grabbed; only wanted ones are decoded."""
-    number, due = 0, 0
-    while True:
-        seconds = video.get(cv2.CAP_PROP_POS_MSEC) / MILLISECONDS
-        if number and not seconds > 0:  # the file notes no times
-            seconds = number / rate if rate > 0 else 0.0
-        info = FrameInfo(number=number, seconds=round(seconds, 3))
-        at = number / every.frames if every.seconds is None else seconds / every.seconds
-        if at >= due:
-            due = int(at) + 1
-            yield _decoded(video, info)
-        else:
-            yield Frame(info=info)
-        number += 1
-        if not video.grab():
-            break
+    number, due, ended = 0, 0, False
     announced = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
+    while not ended or number < announced:
+        seconds = _seconds(video, number, rate, ended=ended)
+        info = FrameInfo(number=number, seconds=seconds)
+        at = number / every.frames if every.seconds is None else seconds / every.seconds
+        if at < due:
+            yield Frame(info=info)
+        elif ended:
+            reason = f"the video ends before it and announces {announced} frames; copy it again"
+            yield Frame(info=info, unreadable=reason)
+        else:
+            yield _decoded(video, info)
+        due = max(due, int(at) + 1)
+        number += 1
+        ended = ended or not video.grab()
     video.release()
-    for missing in range(number, announced):
-        reason = f"frame {missing} cannot be read: the video announces {announced}; copy it again"
-        yield Frame(info=FrameInfo(number=missing), unreadable=reason)
+
+
+def _seconds(video: cv2.VideoCapture, number: int, rate: float, *, ended: bool) -> float:
+    """Return the time of the frame that was grabbed; by the rate where the file notes none."""
+    noted = 0.0 if ended else float(video.get(cv2.CAP_PROP_POS_MSEC)) / MILLISECONDS
+    by_rate = number / rate if rate > 0 else 0.0
+    return round(noted if noted > 0 else by_rate, 3)
 
 
 def _decoded(video: cv2.VideoCapture, info: FrameInfo) -> Frame:
     good, bgr = video.retrieve()
     if not good or bgr is None:
-        return Frame(info=info, unreadable=f"{info} is damaged; copy the video again")
+        return Frame(info=info, unreadable="it is damaged; copy the video again")
     return Frame(info=info, photo=cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zeroscd.errors import ImageError
+from zeroscd.errors import ImageError, SettingsError
 from zeroscd.export.pictures import jpeg
 from zeroscd.images.read import read_photo
 from zeroscd.records import NotAligned
@@ -39,11 +39,17 @@ class Watcher:
         min_frames: Frames in a row that must show a change; frames that do not judge its place
             count neither for it nor against it.
         keep_pictures: Whether changes keep the frame that showed them first.
+
+    Raises:
+        SettingsError: `min_frames` is below 1.
     """
 
     def __init__(
         self, place: Place, *, min_frames: int = MIN_FRAMES, keep_pictures: bool = False
     ) -> None:
+        if min_frames < 1:
+            message = f"min_frames is {min_frames}; give 1 or more frames that a change must last"
+            raise SettingsError(message)
         self.place = place
         self._min_frames = min_frames
         self._keep_pictures = keep_pictures
@@ -153,7 +159,7 @@ def watch(
         keep_pictures: Whether changes keep the frame that showed them first.
 
     Raises:
-        SettingsError: A known geometry cannot relate the photos.
+        SettingsError: `min_frames` is below 1, or a known geometry cannot relate the photos.
     """
     watcher = Watcher(place, min_frames=min_frames, keep_pictures=keep_pictures)
     for number, one in enumerate(frames):
