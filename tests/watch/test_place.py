@@ -105,6 +105,29 @@ def test_where_only_another_reference_shows_the_frame_it_is_carried_on(
     assert any(iou(one, expected) > 0.9 for one in added)
 
 
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (Given(), "it shows reference 2, which cannot be aligned with the first one"),
+        (Given(ignore_before=[[(0, 0), (64, 0), (64, 64)]]), "its area cannot be carried"),
+    ],
+)
+def test_a_reference_of_elsewhere_is_named_and_so_are_frames_that_only_it_shows(
+    draw_scene: Callable[..., object],
+    toy_encoder: object,
+    plain_settings: Settings,
+    given: Given,
+    reason: str,
+) -> None:
+    here, elsewhere = draw_scene(), draw_scene(seed=7)
+    found = detector(here, toy_encoder, plain_settings)
+    place = Place(found, [elsewhere.before, here.before], given)  # type: ignore[attr-defined]
+    assert place.apart == [1]
+    view = place.compare(here.after)  # type: ignore[attr-defined]
+    assert isinstance(view, NotAligned)
+    assert reason in view.reason
+
+
 def test_what_is_left_out_of_the_reference_is_not_judged(
     toy_watch_detector: Detector,
 ) -> None:

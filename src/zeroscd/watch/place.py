@@ -92,9 +92,12 @@ class Place:
             ImageError: The frame cannot be read, or an area does not fit it.
         """
         frame = self._detector.encode([photo])[0].leave_out(ignore=self._given.ignore_all)
-        evidence = self._detector.compare(
-            self._references, frame, t1_from_t0=self._given.t1_from_t0
-        )
+        try:
+            evidence = self._detector.compare(
+                self._references, frame, t1_from_t0=self._given.t1_from_t0
+            )
+        except ImageError as error:  # the areas of the first reference cannot be carried
+            return NotAligned(reason=str(error), inliers=0, matches=0)
         if isinstance(evidence.alignment, NotAligned):
             return evidence.alignment
         first = next(k for k, one in enumerate(self._references) if one is evidence.pair.photo_t0)
