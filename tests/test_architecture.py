@@ -32,7 +32,7 @@ LAYERS = (
     ("steps", "judging", "result", "saved"),
     ("full_size", "labelling", "views"),
     ("detector",),
-    ("retrieval", "one_call"),
+    ("retrieval", "one_call", "watch"),
     ("evaluation", "batch", "geo"),
     ("survey", "annotation"),
     ("serve", "bench", "model_check", "onnx"),

@@ -34,6 +34,7 @@ PRESENTING = (
     "evaluation",
     "geo",
     "onnx",
+    "watch",
 )
 DECIDING = frozenset({".py", ".safetensors", ".json"})
 PACKAGES = (

@@ -26,6 +26,7 @@ from zeroscd.cli.refusals import refusal
 from zeroscd.cli.serve import serve
 from zeroscd.cli.settings import settings
 from zeroscd.cli.survey import survey
+from zeroscd.cli.watch import watch
 from zeroscd.errors import ZeroscdError
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ app.command()(detect)
 app.command()(batch)
 app.command()(survey)
 app.command()(geo)
+app.command()(watch)
 app.command()(evaluate)
 app.command()(ablate)
 app.command()(refine_masks)
