@@ -34,7 +34,7 @@ def best_union(segments: Segments, area: Mask) -> Union:
         area: (H, W) of that photo.
 
     Example:
-        >>> from zeroscd.records import Segment, Segments
+        >>> from zeroscd.segments import Segment, Segments
         >>> whole, left = np.ones((1, 4), bool), np.array([[True, True, False, False]])
         >>> items = tuple(map(Segment.from_mask, (whole, left)))
         >>> best_union(Segments(size_hw=(1, 4), items=items), left).iou
