@@ -18,7 +18,11 @@ class ImageEmbedding(Protocol):
     def size_bytes(self) -> int:
         """Memory it takes."""
 
-    def resized(self, photo_hw: tuple[int, int]) -> ImageEmbedding:
+
+class SharedEmbedding(ImageEmbedding, Protocol):
+    """An embedding that goes from an encoder to a segmenter."""
+
+    def resized(self, photo_hw: tuple[int, int]) -> SharedEmbedding:
         """Return the same for the same photo at another size."""
 
 
@@ -32,7 +36,7 @@ class SharedFeatureMap(FeatureMap):
     """
 
     network: str
-    embedding: ImageEmbedding = field(repr=False)
+    embedding: SharedEmbedding = field(repr=False)
 
 
 def resized(one: FeatureMap, from_hw: tuple[int, int], to_hw: tuple[int, int]) -> FeatureMap:
@@ -43,7 +47,7 @@ def resized(one: FeatureMap, from_hw: tuple[int, int], to_hw: tuple[int, int]) -
     return moved
 
 
-def embedding_of(network: str, features: Iterable[FeatureMap]) -> ImageEmbedding | None:
+def embedding_of(network: str, features: Iterable[FeatureMap]) -> SharedEmbedding | None:
     """Return the embedding of a photo that a network gave with its feature maps.
 
     Args:

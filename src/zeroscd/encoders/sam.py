@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from zeroscd.arrays import Descriptors, Rgb
-    from zeroscd.image_embedding import ImageEmbedding
+    from zeroscd.image_embedding import SharedEmbedding
     from zeroscd.records import FeatureMap
     from zeroscd.settings import Settings
 
@@ -57,7 +57,7 @@ class SharedNetwork(Protocol):
     def computing(self) -> AbstractContextManager[None]:
         """Infer only, in the chosen precision."""
 
-    def embed(self, photo: Rgb) -> ImageEmbedding:
+    def embed(self, photo: Rgb) -> SharedEmbedding:
         """Run the image encoder."""
 
 
