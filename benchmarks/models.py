@@ -33,8 +33,8 @@ from zeroscd.settings import Settings
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from zeroscd.records import Segments
     from zeroscd.segmenters.sam_network import Network, Sam2Network, SamImageEmbedding, SamNetwork
+    from zeroscd.segments import Segments
 
 RESULTS = Path(__file__).parent / "results" / "models"
 PHOTO_PX = 1024  # side of both photos

@@ -30,7 +30,8 @@ from zeroscd.evaluation.report.tables import Table
 from zeroscd.evaluation.truth import load_pair
 from zeroscd.models import Models
 from zeroscd.output import write_json, write_whole
-from zeroscd.records import Alignment, Segments
+from zeroscd.records import Alignment
+from zeroscd.segments import Segments
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

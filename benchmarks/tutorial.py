@@ -58,7 +58,7 @@ class TutorialDetector:
             added=changed,
             unknown=~seen,
             unseen=~seen,
-            heatmap=difference / np.float32(255 / 2),  # as a distance, 0..2
+            distance=difference / np.float32(255 / 2),  # as a distance, 0..2
             regions=(),
             alignment=alignment,
             settings=self.settings,

@@ -12,7 +12,7 @@ import numpy as np
 
 from zeroscd import Detector
 from zeroscd.models import Models, load_models
-from zeroscd.records import Segment, Segments
+from zeroscd.segments import Segment, Segments
 from zeroscd.settings import preset
 
 PANES = 8  # a side

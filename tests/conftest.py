@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from zeroscd.images.grid import PatchGrid
-from zeroscd.records import FeatureMap, Segment, Segments
+from zeroscd.records import FeatureMap
+from zeroscd.segments import Segment, Segments
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:

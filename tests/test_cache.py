@@ -12,7 +12,8 @@ from zeroscd.cache import ExpiringCache
 from zeroscd.evidence import EncodedPhoto
 from zeroscd.images.grid import PatchGrid
 from zeroscd.images.photo import Photo
-from zeroscd.records import FeatureMap, Segments
+from zeroscd.records import FeatureMap
+from zeroscd.segments import Segments
 
 
 class Clock:

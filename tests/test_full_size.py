@@ -16,8 +16,8 @@ from zeroscd.images import working
 from zeroscd.images.photo import Photo
 from zeroscd.images.working import enlarge_mask, shrink_mask, working_photo
 from zeroscd.models import Models
-from zeroscd.records import Segment
 from zeroscd.refine.enlarge import enlarge_segment
+from zeroscd.segments import Segment
 
 if TYPE_CHECKING:
     from collections.abc import Callable

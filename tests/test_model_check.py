@@ -107,6 +107,36 @@ def test_random_files_of_a_transformer_and_of_sam_are_told_apart(
     assert "before: layers have 384 channels" not in names
 
 
+@pytest.mark.slow
+def test_a_random_file_for_both_jobs_runs_through_and_is_told_apart(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("transformers", reason="needs zeroscd[models]")
+    torch.manual_seed(0)
+    row = replace(CATALOGUE["sam2.1-base"], size_bytes=None, sha256="")
+    monkeypatch.setitem(CATALOGUE, "sam2.1-base", row)
+    real = sam.FORMS["sam2.1-base"]
+    widths = [16, 32, 448, 64]
+    trunk = {
+        **(real.backbone or {}),
+        "hidden_size": 16,
+        "embed_dim_per_stage": widths,
+        "blocks_per_stage": [1, 1, 2, 1],
+        "global_attention_blocks": [3],
+    }
+    small = replace(real, backbone=trunk, vision={"backbone_channel_list": widths[::-1]})
+    monkeypatch.setitem(sam.FORMS, "sam2.1-base", small)
+    monkeypatch.setattr(sam, "converted", lambda tensors, *_, **__: dict(tensors))
+    torch.save(sam.build(small).state_dict(), folder / row.file)
+    monkeypatch.setitem(PRESETS, "single", PRESETS["single"].override({"points_per_side": 4}))
+    found = CliRunner().invoke(app, ["models", "check", "single", "--device", "cpu"])
+    assert isinstance(found.exception, WeightsError)
+    assert "checks of single failed; the first: " in str(found.exception)
+    failed = {line[8:].split(": ")[1] for line in found.stdout.splitlines() if "FAILED" in line}
+    assert "the removed thing is hit" in failed
+    assert {"layers have 448 channels", "descriptors have unit length"} & failed == set()
+
+
 def test_weights_that_cannot_be_fetched_are_named_before_anything_is_downloaded() -> None:
     found = CliRunner().invoke(app, ["models", "check", "paper"])
     assert isinstance(found.exception, WeightsError)

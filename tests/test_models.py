@@ -13,7 +13,14 @@ from PIL import Image
 
 from zeroscd import models
 from zeroscd.errors import SettingsError, WeightsError
-from zeroscd.models import ENCODERS, SEGMENTERS, check_models, load_models
+from zeroscd.models import (
+    ENCODERS,
+    SEGMENTERS,
+    check_models,
+    load_encoder,
+    load_models,
+    weight_files,
+)
 from zeroscd.settings import PRESETS, Settings
 from zeroscd.weights.catalogue import CATALOGUE, find
 
@@ -104,9 +111,10 @@ def test_every_model_has_a_loader_and_every_row_a_model(table: dict[str, Any]) -
         assert recipe.weights in (None, name)
         if recipe.extra:
             pytest.importorskip("transformers", reason="needs zeroscd[models]")
-        assert callable(importlib.import_module(recipe.module).load)
+        module = importlib.import_module(recipe.module)
+        assert callable(module.load if recipe.segmenter is None else module.wrap)
     kind = "encoder" if table is ENCODERS else "segmenter"
-    rows = {row.name for row in CATALOGUE.values() if row.kind == kind}
+    rows = {row.name for row in CATALOGUE.values() if kind in row.kind.split(", ")}
     assert rows == table.keys() - {"lite"}
 
 
@@ -144,6 +152,63 @@ def test_both_models_get_the_settings_with_precision_decided(
         ("zeroscd.encoders.lite", "fp32", "cpu"),
         ("zeroscd.segmenters.lite", "fp32", "cpu"),
     ]
+
+
+class Loaders:
+    """Stands in for the modules of the models; remembers what was loaded and wrapped."""
+
+    def __init__(self) -> None:
+        self.loaded: list[str] = []
+
+    def __call__(self, module: str) -> Any:
+        def load(settings: Settings, _: str) -> Any:
+            self.loaded.append(settings.segmenter)
+            return SimpleNamespace(network=f"network of {settings.segmenter}", proposals=None)
+
+        def wrap(network: str, settings: Settings) -> str:
+            return f"{settings.encoder} in {network}"
+
+        return SimpleNamespace(load=load, wrap=wrap)
+
+
+@pytest.fixture
+def loaders(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Loaders:
+    """Pretend that everything is there."""
+    for name in ("sam2.1-base", "sam2.1-tiny"):
+        pretend_present(folder, name)
+    made = Loaders()
+    monkeypatch.setattr(models, "import_module", made)
+    monkeypatch.setattr(models, "require_installed", lambda: None)
+    return made
+
+
+def test_one_network_for_both_jobs_is_loaded_once(loaders: Loaders) -> None:
+    loaded: Any = load_models(PRESETS["single"], device="cpu")
+    assert loaded.encoder == f"sam2.1-base in {loaded.segmenter.network}"
+    assert loaders.loaded == ["sam2.1-base"]
+
+
+def test_an_encoder_from_a_segmenters_network_goes_with_any_other_segmenter(
+    loaders: Loaders,
+) -> None:
+    chosen = PRESETS["single"].override({"segmenter": "sam2.1-tiny"})
+    loaded: Any = load_models(chosen, device="cpu")
+    assert loaded.encoder == "sam2.1-base in network of sam2.1-base"
+    assert loaded.segmenter.network == "network of sam2.1-tiny"
+    assert loaders.loaded == ["sam2.1-base", "sam2.1-tiny"]
+
+
+def test_an_encoder_from_a_segmenters_network_can_be_loaded_alone(loaders: Loaders) -> None:
+    encoder: Any = load_encoder(Settings(encoder="sam2.1-base"), device="cpu")
+    assert encoder == "sam2.1-base in network of sam2.1-base"
+    assert loaders.loaded == ["sam2.1-base"]
+
+
+def test_a_file_that_both_models_need_is_named_once() -> None:
+    assert [row.name for row in weight_files(PRESETS["single"])] == ["sam2.1-base"]
+    with pytest.raises(WeightsError) as caught:
+        check_models(PRESETS["single"])
+    assert str(caught.value).count("sam2.1-base (324 MB)") == 1
 
 
 @pytest.mark.parametrize(("kind", "value"), [("encoder", "resnet"), ("segmenter", "sam")])

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as stn
 
-from zeroscd.records import Segment, Segments
+from zeroscd.segments import Segment, Segments
 
 masks = stn.arrays(bool, stn.array_shapes(min_dims=2, max_dims=2, max_side=19))
 

@@ -14,6 +14,8 @@ from zeroscd.renamed import RenamedWarning
 from zeroscd.survey import MatchRules, Summary
 
 MOVED = {
+    "zeroscd.records.Segment": "zeroscd.segments.Segment",
+    "zeroscd.records.Segments": "zeroscd.segments.Segments",
     "zeroscd.result.Alignment": "zeroscd.records.Alignment",
     "zeroscd.result.NotAligned": "zeroscd.records.NotAligned",
     "zeroscd.result.Photo": "zeroscd.images.photo.Photo",

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zeroscd.errors import SettingsError
+from zeroscd.renamed import RenamedWarning
 from zeroscd.settings import (
     PAPER_RULES,
     PRESETS,
@@ -120,7 +121,7 @@ def test_a_wrong_override_is_one_line_that_names_the_choices(
 @given(st.text(max_size=12), st.one_of(st.none(), st.text(max_size=8), st.floats(), st.integers()))
 def test_no_override_raises_anything_but_a_settings_error(name: str, value: object) -> None:
     for leaf in (name, *leaf_names()):
-        with contextlib.suppress(SettingsError):
+        with contextlib.suppress(SettingsError, RenamedWarning):  # Hypothesis finds old names, too
             Settings().override({leaf: value})
 
 
@@ -157,7 +158,7 @@ def test_the_papers_rules_undo_what_a_preset_does_differently(name: str) -> None
 def test_what_only_weighs_evidence_is_a_threshold_and_nothing_else() -> None:
     refining = {f.name for f in dataclasses.fields(RefineSettings)}
     fitting = {"tau", "threshold", "background_quantile", "tau_share", "coarse_raster"}
-    assert refining | fitting | {"consensus", "frame", "judge"} == THRESHOLDS
+    assert refining | fitting | {"consensus", "frame", "judge", "vegetation"} == THRESHOLDS
     assert is_threshold("beta")
     assert not is_threshold("side_px")
 

@@ -17,7 +17,7 @@ from zeroscd.errors import SettingsError
 from zeroscd.images.tiles import window_of
 from zeroscd.images.working import WORKING_PX
 from zeroscd.models import Models
-from zeroscd.records import Segment
+from zeroscd.segments import Segment
 from zeroscd.settings import PRESETS, Settings
 from zeroscd.views import sights
 

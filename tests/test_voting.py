@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from zeroscd.device import threads
-from zeroscd.records import CoarseChange, Segment, Segments
+from zeroscd.records import CoarseChange
+from zeroscd.segments import Segment, Segments
 from zeroscd.settings import RefineSettings
 from zeroscd.voting import Voters, all_segments, flag
 

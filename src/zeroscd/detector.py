@@ -12,7 +12,7 @@ from zeroscd.evidence import EncodedPhoto, Evidence, encoded_photo
 from zeroscd.full_size import at_full_size, not_judged
 from zeroscd.given import Given, check_areas
 from zeroscd.images.read import listed, read_photo
-from zeroscd.images.working import enlarge_map, enlarge_mask
+from zeroscd.images.working import enlarge_mask
 from zeroscd.judging import changed_in, judge, leave_out
 from zeroscd.labelling import label_parts
 from zeroscd.labels.classes import class_ids
@@ -254,7 +254,7 @@ class Detector:
         with timer.stage("judge"):
             judged = judge(pair, seen, masks, chosen.judge)
             judged = leave_out(judged, pair, min_area_px=rules.min_area_px)
-            judged = label_parts(judged, pair, ignored=self.ignored_classes)
+            judged = label_parts(judged, pair, ignored=self.ignored_classes, settings=chosen)
             pair, judged = at_full_size(pair, judged, min_area_px=rules.min_area_px)
             regions = find_regions(
                 *judged.parts, (coarse[0].unknown, coarse[1].unknown), sizes_hw=pair.sizes_hw
@@ -270,7 +270,7 @@ class Detector:
             added=judged.masks[1],
             unknown=not_judged(judged, chosen.frame, mask),
             unseen=enlarge_mask(coarse[at].unknown, mask.shape) & ~mask,
-            heatmap=enlarge_map(coarse[at].distance, mask.shape),
+            distance=coarse[at].distance,
             regions=regions,
             alignment=evidence.whole_alignment(),
             settings=chosen,

@@ -9,6 +9,7 @@ import numpy as np
 
 from zeroscd.alignment.homography import apply, invert, scaling
 from zeroscd.alignment.warp import unseen, warp_map, warp_mask
+from zeroscd.image_embedding import descriptors_alone, resized
 from zeroscd.images.areas import read_area
 from zeroscd.images.bars import empty_edges
 from zeroscd.images.working import photo_at, shrink_mask, working_photo
@@ -24,8 +25,9 @@ if TYPE_CHECKING:
     from zeroscd.images.photo import Photo
     from zeroscd.images.tiles import Box
     from zeroscd.judge.ground import Ground
-    from zeroscd.records import Alignment, FeatureMap, FurtherPhoto, Segments
+    from zeroscd.records import Alignment, FeatureMap, FurtherPhoto
     from zeroscd.segmenters.port import MaskProposals, Segmenter
+    from zeroscd.segments import Segments
     from zeroscd.settings import Settings
 
 
@@ -133,15 +135,19 @@ def encoded_photo(
     """
     working = working_photo(photo) if size_hw is None else photo_at(photo, size_hw)
     if working is photo:
-        return EncodedPhoto(photo, maps, segmenter.proposals(photo.pixels, maps))
-    sizes_hw = photo.size_hw, working.size_hw
-    resized = tuple(replace(one, grid=one.grid.resized(*sizes_hw)) for one in maps)
+        # A segmenter around the encoder's network keeps the embedding that came with the maps.
+        return EncodedPhoto(photo, _alone(maps), segmenter.proposals(photo.pixels, maps))
+    smaller = tuple(resized(one, photo.size_hw, working.size_hw) for one in maps)
     proposals = (
-        segmenter.proposals_at(photo.pixels, resized, size_hw=working.size_hw)
+        segmenter.proposals_at(photo.pixels, smaller, size_hw=working.size_hw)
         if isinstance(segmenter, SizedSegmenter)
-        else segmenter.proposals(working.pixels, resized)
+        else segmenter.proposals(working.pixels, smaller)
     )
-    return EncodedPhoto(photo, resized, proposals, smaller=working)
+    return EncodedPhoto(photo, _alone(smaller), proposals, smaller=working)
+
+
+def _alone(maps: tuple[FeatureMap, ...]) -> tuple[FeatureMap, ...]:
+    return tuple(descriptors_alone(one) for one in maps)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 # Folders of the package that only present results; all others may change one.
 PRESENTING = (
+    "annotation",
     "cli",
     "serve",
     "survey",
@@ -31,7 +32,9 @@ PRESENTING = (
     "retrieval",
     "samples",
     "evaluation",
+    "geo",
     "onnx",
+    "watch",
 )
 DECIDING = frozenset({".py", ".safetensors", ".json"})
 PACKAGES = (

@@ -51,6 +51,10 @@ CHANNELS: dict[str, tuple[int, ...]] = {
     "dinov2-b": _BASE,
     "dinov2-b-reg": _BASE,
     "dinov3-s": _SMALL,
+    "sam2.1-tiny": _SMALL,
+    "sam2.1-small": _SMALL,
+    "sam2.1-base": (448,),
+    "sam2.1-large": (576,),
 }
 
 

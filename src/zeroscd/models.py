@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -32,28 +32,36 @@ class Recipe:
         module: Has a function load(settings, device); imported only then.
         weights: Name of its row in the catalogue of weights; None = it brings its own.
         extra: It needs the packages of zeroscd[models].
+        segmenter: It looks through the network of this segmenter: its module has a function
+            wrap(network, settings) instead. Both are loaded once.
     """
 
     module: str
     weights: str | None = None
     extra: bool = False
+    segmenter: Recipe | None = None
 
 
 def _recipes(module: str, *names: str, extra: bool = True) -> dict[str, Recipe]:
     return {name: Recipe(module=module, weights=name, extra=extra) for name in names}
 
 
-ENCODERS: dict[str, Recipe] = {
-    "lite": Recipe(module="zeroscd.encoders.lite"),
-    **_recipes("zeroscd.encoders.placeformer", "placeformer", "r2former", extra=False),
-    **_recipes("zeroscd.encoders.dino", "dinov2-s", "dinov2-s-reg", "dinov2-b", "dinov2-b-reg"),
-    **_recipes("zeroscd.encoders.dino", "dinov3-s"),
-}
 SEGMENTERS: dict[str, Recipe] = {
     "lite": Recipe(module="zeroscd.segmenters.lite"),
     **_recipes("zeroscd.segmenters.sam", "sam-vit-b", "sam-vit-l", "sam-vit-h"),
     **_recipes("zeroscd.segmenters.sam", "mobile-sam", "sam2.1-tiny", "sam2.1-small"),
     **_recipes("zeroscd.segmenters.sam", "sam2.1-base", "sam2.1-large"),
+}
+ENCODERS: dict[str, Recipe] = {
+    "lite": Recipe(module="zeroscd.encoders.lite"),
+    **_recipes("zeroscd.encoders.placeformer", "placeformer", "r2former", extra=False),
+    **_recipes("zeroscd.encoders.dino", "dinov2-s", "dinov2-s-reg", "dinov2-b", "dinov2-b-reg"),
+    **_recipes("zeroscd.encoders.dino", "dinov3-s"),
+    **{
+        name: replace(segmenter, module="zeroscd.encoders.sam", segmenter=segmenter)
+        for name, segmenter in SEGMENTERS.items()
+        if name.startswith("sam2.1")
+    },
 }
 
 LABELLER = Recipe(module="zeroscd.labels.eomt", weights="eomt-l", extra=True)
@@ -77,7 +85,7 @@ def weight_files(settings: Settings) -> list[WeightFile]:
     Raises:
         SettingsError: An unknown encoder or segmenter.
     """
-    return [find(recipe.weights) for recipe in _recipes_of(settings) if recipe.weights]
+    return [find(name) for name in _weights_of(_recipes_of(settings))]
 
 
 def check_models(settings: Settings) -> None:
@@ -131,8 +139,13 @@ def _recipes_of(settings: Settings) -> list[Recipe]:
     ]
 
 
+def _weights_of(recipes: Sequence[Recipe]) -> list[str]:
+    """Return the names of all weights, each once."""
+    return list(dict.fromkeys(recipe.weights for recipe in recipes if recipe.weights))
+
+
 def _require(recipes: Sequence[Recipe]) -> None:
-    require(recipe.weights for recipe in recipes if recipe.weights)
+    require(_weights_of(recipes))
     if any(recipe.extra for recipe in recipes):
         require_installed()
 
@@ -142,4 +155,17 @@ def _load(recipes: Sequence[Recipe], settings: Settings, *, device: str) -> list
     _require(recipes)
     target = pick_device(device)
     decided = settings.override({"precision": pick_precision(settings.precision, device=target)})
-    return [import_module(recipe.module).load(decided, target) for recipe in recipes]
+    loaded: dict[Recipe, Any] = {}
+
+    def load(recipe: Recipe, chosen: Settings) -> Any:  # noqa: ANN401 - any kind of model
+        if recipe not in loaded:
+            module = import_module(recipe.module)
+            if recipe.segmenter is None:
+                loaded[recipe] = module.load(chosen, target)
+            else:
+                # The settings may name another segmenter, whose network is another.
+                own = chosen.override({"segmenter": recipe.weights})
+                loaded[recipe] = module.wrap(load(recipe.segmenter, own).network, chosen)
+        return loaded[recipe]
+
+    return [load(recipe, decided) for recipe in recipes]

@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-import numpy as np
+from zeroscd.images.working import enlarge_map
+from zeroscd.renamed import moved_names
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from numpy.typing import NDArray
+    from collections.abc import Mapping
 
     from zeroscd.arrays import Descriptors, Homography, Map, Mask
     from zeroscd.images.grid import PatchGrid
@@ -54,71 +53,6 @@ class CoarseChange:
     changed: Mask
     unknown: Mask
     tau: float
-
-
-@dataclass(frozen=True, slots=True)
-class Segment:
-    """A segment of one photo, kept as packed bits of its bounding box.
-
-    Attributes:
-        bbox_xywh: Left, top, width, height in whole pixels.
-        bits: The mask inside the box, row by row, packed eight pixels to a byte.
-        area_px: Number of pixels.
-    """
-
-    bbox_xywh: tuple[int, int, int, int]
-    bits: NDArray[np.uint8]
-    area_px: int
-
-    @classmethod
-    def from_mask(cls, mask: Mask, *, offset_xy: tuple[int, int] = (0, 0)) -> Segment | None:
-        """Pack a mask whose top left pixel lies at offset_xy; an empty mask gives None."""
-        rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        if rows.size == 0:
-            return None
-        y0, y1, x0, x1 = int(rows[0]), int(rows[-1]) + 1, int(cols[0]), int(cols[-1]) + 1
-        box = mask[y0:y1, x0:x1]
-        return cls(
-            (offset_xy[0] + x0, offset_xy[1] + y0, x1 - x0, y1 - y0),
-            np.packbits(box),
-            int(np.count_nonzero(box)),
-        )
-
-    @property
-    def window(self) -> tuple[slice, slice]:
-        """Rows and columns of the bounding box, to index an (H, W) array with."""
-        x, y, w, h = self.bbox_xywh
-        return slice(y, y + h), slice(x, x + w)
-
-    def crop(self) -> Mask:
-        """Return the mask inside the bounding box, (h, w) bool."""
-        _, _, w, h = self.bbox_xywh
-        return np.unpackbits(self.bits, count=w * h).reshape(h, w).view(np.bool_)
-
-    def mask(self, size_hw: tuple[int, int]) -> Mask:
-        """Return the mask over the whole photo, (H, W) bool."""
-        full = np.zeros(size_hw, dtype=bool)
-        full[self.window] = self.crop()
-        return full
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Segments:
-    """All segments that a segmenter offers for one photo; they may overlap and nest.
-
-    Attributes:
-        size_hw: Height and width of the photo.
-        items: The segments, in a stable order.
-    """
-
-    size_hw: tuple[int, int]
-    items: tuple[Segment, ...]
-
-    def __len__(self) -> int:
-        return len(self.items)
-
-    def __iter__(self) -> Iterator[Segment]:
-        return iter(self.items)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,7 +172,7 @@ class Changes:
             both photos, or its surroundings are not verified (parallax, or too different in light).
         unseen: (H, W) the part of it that is not in view of both photos.
         ignored: (H, W) the part of it that the user left out; None where nothing was.
-        heatmap: (H, W) float32 descriptor distance, 0..2.
+        distance: (h, w) float32 descriptor distance, 0..2, at the size the photos were compared at.
         regions: The changed objects, most certain first.
         alignment: The homography, or why there is none.
         settings: Everything that decided the outcome.
@@ -257,7 +191,7 @@ class Changes:
     added: Mask
     unknown: Mask
     unseen: Mask
-    heatmap: Map
+    distance: Map
     regions: tuple[Region, ...]
     alignment: Alignment | NotAligned
     settings: Settings
@@ -266,6 +200,11 @@ class Changes:
     further_photos: tuple[FurtherPhoto, ...] = ()
     transients: tuple[Transients, ...] | None = None
     ignored: Mask | None = None
+
+    @property
+    def heatmap(self) -> Map:
+        """Descriptor distance at the photo's size: (H, W) float32, 0..2."""
+        return enlarge_map(self.distance, self.mask.shape)
 
     @property
     def changed_fraction(self) -> float:
@@ -277,3 +216,13 @@ class Changes:
     def judged_fraction(self) -> float:
         """Share of the frame's pixels that are either changed or unchanged, 0..1."""
         return 1.0 - float(self.unknown.mean())
+
+
+if not TYPE_CHECKING:  # or mypy would believe that every name exists
+    __getattr__ = moved_names(
+        __name__,
+        {
+            "Segment": "zeroscd.segments.Segment",
+            "Segments": "zeroscd.segments.Segments",
+        },
+    )

@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING, NamedTuple
 from zeroscd.device import side_by_side
 from zeroscd.images.components import small_components
 from zeroscd.images.tiles import window_of
-from zeroscd.records import Segments
 from zeroscd.refine.vote import unite, vote
 from zeroscd.segmenters.port import OneThreadProposals
 from zeroscd.segmenters.tiles import segments_in_photo
+from zeroscd.segments import Segments
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from zeroscd.arrays import Mask
     from zeroscd.evidence import Evidence, Pair, Tile
-    from zeroscd.records import CoarseChange, Segment
+    from zeroscd.records import CoarseChange
     from zeroscd.refine.vote import Flagged
+    from zeroscd.segments import Segment
     from zeroscd.settings import RefineSettings
 
 # Share of coarse change above which a segment of a tile is flagged: distances reach beyond a small

@@ -17,7 +17,8 @@ from zeroscd.batch import Options, run
 from zeroscd.detector import Detector
 from zeroscd.images.grid import PatchGrid
 from zeroscd.models import Models
-from zeroscd.records import FeatureMap, Segment, Segments
+from zeroscd.records import FeatureMap
+from zeroscd.segments import Segment, Segments
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:

@@ -64,3 +64,17 @@ def small_things(load_script: Callable[[str], ModuleType], accuracy: ModuleType)
 @pytest.fixture(scope="session")
 def pair_benchmark(load_script: Callable[[str], ModuleType]) -> ModuleType:
     return load_script("pair")
+
+
+@pytest.fixture(scope="session")
+def vegetation(load_script: Callable[[str], ModuleType], pair_benchmark: ModuleType) -> ModuleType:
+    assert pair_benchmark.__name__ == "pair"
+    return load_script("vegetation")
+
+
+@pytest.fixture(scope="session")
+def vegetation_changes(
+    load_script: Callable[[str], ModuleType], accuracy: ModuleType, vegetation: ModuleType
+) -> ModuleType:
+    assert (accuracy.__name__, vegetation.__name__) == ("accuracy", "vegetation")
+    return load_script("vegetation_changes")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from zeroscd.records import Segment, Segments
+from zeroscd.segments import Segment, Segments
 
 if TYPE_CHECKING:
     from types import ModuleType

@@ -61,7 +61,7 @@ class ToyDetector:
             added=changed,
             unknown=nothing,
             unseen=nothing,
-            heatmap=changed.astype(np.float32),
+            distance=changed.astype(np.float32),
             regions=(_region(columns, rows, changed.shape),) if changed.any() else (),
             alignment=NotAligned(reason="the toy never aligns", inliers=0, matches=0),
             settings=Settings(),

@@ -45,6 +45,15 @@ def test_without_options_only_this_machine_is_served(
     assert capsys.readouterr().out == "listening at http://127.0.0.1:1 (Ctrl+C stops)\n"
 
 
+def test_settings_of_all_requests_are_given_once(
+    plans: list[Plan], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["serve", "--set", "vegetation=ignore"]) == 0
+    assert plans[0].overrides == {"vegetation": "ignore"}
+    assert run(["serve", "--set", "vegetation=gone"]) == 2
+    assert "choose one of: report, ignore" in capsys.readouterr().err
+
+
 def test_a_path_prefix_loses_its_last_slash(plans: list[Plan]) -> None:
     assert run(["serve", "--root-path", "/zeroscd/"]) == 0
     assert plans[0].root_path == "/zeroscd"

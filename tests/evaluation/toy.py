@@ -54,7 +54,7 @@ class ToyDetector:
             added=added,
             unknown=np.zeros_like(added),
             unseen=np.zeros_like(added),
-            heatmap=(np.abs(difference) / 255 * 2).astype(np.float32),
+            distance=(np.abs(difference) / 255 * 2).astype(np.float32),
             regions=(),
             alignment=Alignment(t1_from_t0=np.eye(3), inliers=20, matches=20),
             settings=self.settings,

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from zeroscd.images.photo import Photo
-from zeroscd.records import Alignment, NotAligned, Region, Segment
+from zeroscd.records import Alignment, NotAligned, Region
 from zeroscd.refine.regions import encode_rle
 from zeroscd.result import ChangeResult
+from zeroscd.segments import Segment
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def result() -> ChangeResult:
         added=added,
         unknown=box(0, 0, SHIFT, H),
         unseen=box(0, 0, SHIFT, H),
-        heatmap=np.where(box(15, 10, 20, 10), 1.1, 0.1).astype(np.float32),
+        distance=np.where(box(15, 10, 20, 10), 1.1, 0.1).astype(np.float32),
         regions=(
             region(1, "removed", (5, 10, 20, 10), 0.91),
             region(2, "added", (50, 30, 8, 8), 0.75),

@@ -96,7 +96,7 @@ def test_a_result_becomes_features_through_the_rows_of_the_tables() -> None:
         added=nothing,
         unknown=nothing,
         unseen=nothing,
-        heatmap=nothing.astype(np.float32),
+        distance=nothing.astype(np.float32),
         regions=(region,),
         alignment=NotAligned(reason="toy", inliers=0, matches=0),
         settings=Settings(),
@@ -142,3 +142,10 @@ def test_line_by_line_is_the_same_file(rows: list[tuple[str, tuple[float, float]
     written = b"".join(geojson_lines(features))
     assert json.loads(written) == geojson(features)
     assert len(written.splitlines()) == 2 + len(features)
+
+
+def test_a_crs_that_is_not_that_of_rfc_7946_is_named() -> None:
+    text = b"".join(geojson_lines([{"type": "Feature"}], crs="urn:ogc:def:crs:EPSG::32632"))
+    found = json.loads(text)
+    assert found["crs"] == {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32632"}}
+    assert found["features"] == [{"type": "Feature"}]

@@ -45,7 +45,7 @@ def test_outlines_are_drawn_in_full_colour_between_white_lines(result: ChangeRes
         removed=none,
         added=added,
         unknown=none,
-        heatmap=np.zeros(size, np.float32),
+        distance=np.zeros(size, np.float32),
     )
     overlay = draw_overlay(large)
     assert overlay[300, 600].tolist() == list(ADDED_RGB)

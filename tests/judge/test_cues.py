@@ -9,7 +9,8 @@ import pytest
 from zeroscd.images.grid import PatchGrid
 from zeroscd.judge.cues import JudgedSide, measure, most_similar
 from zeroscd.judge.ground import Ground
-from zeroscd.records import CoarseChange, FeatureMap, Segment
+from zeroscd.records import CoarseChange, FeatureMap
+from zeroscd.segments import Segment
 
 SIZE_HW = (160, 160)
 COARSE = PatchGrid.covering(SIZE_HW, size_hw=(5, 5))  # 32 pixels a patch

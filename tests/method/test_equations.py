@@ -15,9 +15,10 @@ from zeroscd.alignment.warp import unseen, warp_mask
 from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
 from zeroscd.change.distance import best_cosine, patch_distance
 from zeroscd.images.grid import PatchGrid
-from zeroscd.records import CoarseChange, FeatureMap, Segment, Segments
+from zeroscd.records import CoarseChange, FeatureMap
 from zeroscd.refine.verify import Verification, confirm
 from zeroscd.refine.vote import Flagged, unite, vote
+from zeroscd.segments import Segment, Segments
 from zeroscd.settings import ChangeSettings
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from pycocotools import mask as coco
 from shapely import MultiPolygon, Polygon
 
-from zeroscd.records import Segment
 from zeroscd.refine.regions import Part, connected_parts, encode_rle, find_regions
+from zeroscd.segments import Segment
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from zeroscd.records import Segment
 from zeroscd.refine.verify import Verification, confirm, ratio
 from zeroscd.refine.vote import Flagged
+from zeroscd.segments import Segment
 
 if TYPE_CHECKING:
     from collections.abc import Callable

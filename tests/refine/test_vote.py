@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zeroscd.records import CoarseChange, Segment, Segments
+from zeroscd.records import CoarseChange
 from zeroscd.refine import vote as voting
 from zeroscd.refine.vote import Flagged, unite
+from zeroscd.segments import Segment, Segments
 
 SIZE_HW = (4, 10)
 

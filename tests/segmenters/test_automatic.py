@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    from zeroscd.records import Segments
     from zeroscd.segmenters.port import MaskProposals
     from zeroscd.segmenters.sam_network import Sam2Network
+    from zeroscd.segments import Segments
 
     Sams: TypeAlias = SamNetwork | Sam2Network
 

@@ -1,8 +1,9 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from threading import Barrier, BrokenBarrierError
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from zeroscd.segmenters import lite
 from zeroscd.segmenters.hierarchy import Hierarchy, build_hierarchy
 from zeroscd.segmenters.lite import LiteSegmenter
 from zeroscd.segmenters.lite import load as load_segmenter
+from zeroscd.segmenters.nested import Leaves, nested_segments
+from zeroscd.segments import Segment, Segments
 from zeroscd.settings import Settings
 
 if TYPE_CHECKING:
@@ -22,7 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from zeroscd.arrays import Mask, Rgb
-    from zeroscd.records import FeatureMap, Segments
+    from zeroscd.records import FeatureMap
+    from zeroscd.segmenters.boundary import BoundaryHead
     from zeroscd.segmenters.port import MaskProposals
 
 SETTINGS = Settings(side_px=192)
@@ -111,38 +115,72 @@ def tree_of_four() -> Hierarchy:
     )
 
 
-@given(st.integers(0, 2**32 - 1), st.booleans(), st.integers(0, 12))
-def test_the_outlines_are_the_nodes_of_the_tree_that_fit(
-    seed: int, everyroi: Any, min_area_px: int
+@given(st.integers(0, 2**32 - 1), st.tuples(st.integers(1, 20), st.integers(1, 20)))
+def test_nodes_are_counted_and_packed_as_their_pixels_are(
+    seed: int, photo_hw: tuple[int, int]
 ) -> None:
     rng = np.random.default_rng(seed)
-    leaf_of = rng.integers(0, 4, (6, 7)).astype(np.int32)
-    roi = None if everyroi else rng.random((6, 7)) < 0.1
-    tree = tree_of_four()
+    cells = rng.integers(0, 4, (6, 7)).astype(np.int32)
+    tree = replace(tree_of_four(), leaf_of=cells)
+    rows, cols = lite.cells_of_pixels((6, 7), photo_hw)
+    leaf_of, mask = cells[rows[:, None], cols], rng.random(photo_hw) < 0.3
+    leaves = Leaves.of(tree, (rows, cols))
+    pixels = [(leaf_of >= a) & (leaf_of < b) for a, b in zip(tree.first, tree.last, strict=True)]
+    kept = leaves.count(None) > 0
+    found = nested_segments(leaves.only(kept))
+    plain = Segments(size_hw=photo_hw, items=tuple(found))
+    expected = [node for node in pixels if node.any()]
+    assert len(found) == len(expected)
+    for segment, node in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(segment.mask(photo_hw), node)
+        tight = Segment.from_mask(node)
+        assert tight is not None
+        assert segment.bbox_xywh == tight.bbox_xywh
+    for segments in (found, plain):
+        assert segments.areas_px.tolist() == [node.sum() for node in expected]
+        assert segments.count(mask).tolist() == [(node & mask).sum() for node in expected]
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_the_segments_are_the_nodes_of_the_tree_that_fit(seed: int, everywhere: Any) -> None:
+    rng = np.random.default_rng(seed)
+    cells = rng.integers(0, 4, (6, 7)).astype(np.int32)
+    size_hw = (12, 14)
+    roi = None if everywhere else rng.random(size_hw) < 0.05
+    tree = replace(tree_of_four(), leaf_of=cells)
+    rows, cols = lite.cells_of_pixels(cells.shape, size_hw)
+    leaf_of = cells[rows[:, None], cols]
     expected = []
     for first, last in zip(tree.first, tree.last, strict=True):
         mask = (leaf_of >= first) & (leaf_of < last)
         inside = mask if roi is None else mask & roi
-        if max(min_area_px, 1) <= mask.sum() <= lite.LARGEST_SHARE * mask.size and inside.any():
+        least_px = lite.MIN_CELLS * 4  # a cell has four pixels
+        if least_px <= mask.sum() <= lite.LARGEST_SHARE * mask.size and inside.any():
             expected.append(mask)
-    found = list(lite.tree_segments(tree, leaf_of, roi=roi, min_area_px=min_area_px))
+    proposals = lite.LiteProposals(
+        cast("BoundaryHead", None), np.empty((12, 14, 3), np.uint8), (), size_hw
+    )
+    proposals._tree = tree
+    found = list(proposals.segments(roi))
     assert len(found) == len(expected)
     for segment, mask in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(segment.mask((6, 7)), mask)
+        np.testing.assert_array_equal(segment.mask(size_hw), mask)
 
 
 def test_a_pixel_takes_the_leaf_of_the_cell_that_looks_at_it() -> None:
     leaf_of = np.arange(12, dtype=np.int32).reshape(3, 4)
     # Cell (i, j) is centred on working pixel (2 i, 2 j) of 6 x 8; a photo twice as large has that
     # pixel's centre at 2 * (2 i) + 0.5.
-    photo = lite.leaves_to_pixels(leaf_of, (12, 16))
+    rows, cols = lite.cells_of_pixels(leaf_of.shape, (12, 16))
+    photo = leaf_of[rows[:, None], cols]
     assert photo.shape == (12, 16)
     for i in range(3):
         for j in range(4):
             np.testing.assert_array_equal(
                 photo[4 * i : 4 * i + 2, 4 * j : 4 * j + 2], leaf_of[i, j]
             )
-    same = lite.leaves_to_pixels(leaf_of, (6, 8))
+    rows, cols = lite.cells_of_pixels(leaf_of.shape, (6, 8))
+    same = leaf_of[rows[:, None], cols]
     np.testing.assert_array_equal(same[::2, ::2], leaf_of)
 
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.tiles import segments_in_photo
+from zeroscd.segments import Segment, Segments
 
 
 def segment(left: int, top: int, width: int, height: int) -> Segment:

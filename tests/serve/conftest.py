@@ -19,7 +19,7 @@ from fastapi.testclient import TestClient
 
 from zeroscd.detector import Detector
 from zeroscd.models import Models
-from zeroscd.records import Segment
+from zeroscd.segments import Segment
 from zeroscd.serve.app import make_app
 from zeroscd.serve.connection import TimedConnection
 from zeroscd.serve.limits import Limits

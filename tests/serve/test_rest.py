@@ -6,6 +6,7 @@ import threading
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -151,6 +152,22 @@ def test_thresholds_of_the_request_count(served: Any, pair: Any) -> None:
 
     # Only sqrt(2) apart are things that have nothing in common; two is the largest distance.
     assert regions('{"tau": 1.5}') == 0
+
+
+def test_a_request_may_leave_out_vegetation(served: Any, pair: Any, png_of: Any) -> None:
+    blobs = np.random.default_rng(0).standard_normal((96, 96)).astype(np.float32)
+    bush = 90 + 150 * cv2.GaussianBlur(blobs, (0, 0), 1.0)
+    photo = pair.scene.after.copy()
+    photo[96:192, 160:256] = np.clip(bush, 0, 255)[..., None]
+    files = pair.files() | {"after": ("after.png", png_of(photo), "image/png")}
+
+    def lefts(**data: str) -> set[int]:
+        answer = served.client.post("/v1/detect", files=files, data=data).json()
+        assert ("ignored_fraction" in answer) == bool(data)
+        return {region["bbox_xywh"][0] for region in answer["regions"]}
+
+    assert lefts() == {64, 160}
+    assert lefts(settings='{"vegetation": "ignore"}') == {64}
 
 
 @pytest.mark.parametrize(

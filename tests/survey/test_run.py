@@ -15,10 +15,10 @@ from zeroscd.batch.journal import SURVEY_FILES
 from zeroscd.detector import Detector
 from zeroscd.errors import DatasetError, OutputError
 from zeroscd.export.geojson import geojson
+from zeroscd.export.geopackage import is_available
 from zeroscd.survey import MatchRules, compare, match_photos, read_reviews, survey
 from zeroscd.survey.events import read_events
 from zeroscd.survey.events.files import GEOPACKAGE, event_feature
-from zeroscd.survey.events.geopackage import is_available
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

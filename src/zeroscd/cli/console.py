@@ -67,6 +67,11 @@ def answer(values: object) -> None:
     typer.echo(json.dumps(values, indent=1, allow_nan=False))
 
 
+def answer_line(values: object) -> None:
+    """Print a line of JSON at once, for a program that waits for it."""
+    typer.echo(json.dumps(values, allow_nan=False))
+
+
 def warn(text: str) -> None:
     """Print what a user must know on stderr."""
     typer.echo(f"warning: {one_line(text)}", err=True)

@@ -20,10 +20,13 @@ from zeroscd.cli.demo import demo
 from zeroscd.cli.detect import detect
 from zeroscd.cli.evaluate import evaluate
 from zeroscd.cli.export_onnx import export_onnx
+from zeroscd.cli.geo import geo
+from zeroscd.cli.refine_masks import refine_masks
 from zeroscd.cli.refusals import refusal
 from zeroscd.cli.serve import serve
 from zeroscd.cli.settings import settings
 from zeroscd.cli.survey import survey
+from zeroscd.cli.watch import watch
 from zeroscd.errors import ZeroscdError
 
 if TYPE_CHECKING:
@@ -43,8 +46,11 @@ app.command()(demo)
 app.command()(detect)
 app.command()(batch)
 app.command()(survey)
+app.command()(geo)
+app.command()(watch)
 app.command()(evaluate)
 app.command()(ablate)
+app.command()(refine_masks)
 app.command()(bench)
 app.command()(export_onnx)
 app.command()(serve)

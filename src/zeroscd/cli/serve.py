@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from zeroscd.cli.console import busy, say
-from zeroscd.cli.options import Device  # noqa: TC001 - typer reads the annotations
+from zeroscd.cli.options import Device, Overrides, parse_overrides
 from zeroscd.errors import SettingsError
 
 NEEDED = ("fastapi", "uvicorn", "python_multipart", "prometheus_client")
@@ -32,6 +32,7 @@ def serve(
     state: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where jobs and their photos are kept.")
     ] = None,
+    settings: Overrides = None,
     device: Device = "auto",
     root_path: Annotated[
         str,
@@ -58,9 +59,9 @@ def serve(
         message = f"--root-path {root_path!r} is not a plain path; write it like /zeroscd"
         raise SettingsError(message)
 
-    presets = preset or ["lite"]
+    presets, overrides = preset or ["lite"], parse_overrides(settings)
     for name in presets:
-        named(name)
+        named(name).override(overrides)
     keys = read_keys(api_key_env or [])
     with busy("loading the networks"):
         from zeroscd.serve.limits import Limits
@@ -71,6 +72,7 @@ def serve(
             host=host,
             port=port,
             presets=presets,
+            overrides=overrides,
             device=device,
             keys=keys,
             state=state or default_state(),

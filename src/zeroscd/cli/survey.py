@@ -184,7 +184,8 @@ def _min_score(given: float | None, by_old_name: float | None) -> float:
 
 def tell(summary: Summary) -> None:
     """Print a summary and the report's path."""
-    from zeroscd.survey.events.geopackage import HINT, is_available
+    from zeroscd.export.geopackage import is_available
+    from zeroscd.survey.events.geopackage import HINT
 
     photos = len(summary.matches)
     unmatched = photos - summary.matched

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 PAPER_TAU = 0.65  # arXiv 2409.15255, section IV: distance of unit descriptors, cosine < .789
 
+_UNCALIBRATED = "the paper's value for PlaceFormer; not calibrated for this one"
 _BORROWED = "the paper's value for PlaceFormer; its ablation names none for this encoder"
 
 
@@ -28,10 +29,14 @@ class Tau:
 
 TAUS: dict[str, Tau] = {
     "placeformer": Tau(PAPER_TAU, "arXiv 2409.15255, ablation on VL-CMU-CD"),
-    "r2former": Tau(PAPER_TAU, "the paper's value for PlaceFormer; not calibrated for this one"),
+    "r2former": Tau(PAPER_TAU, _UNCALIBRATED),
     "dinov2-s": Tau(PAPER_TAU, _BORROWED),
     "dinov2-s-reg": Tau(PAPER_TAU, _BORROWED),
     "dinov2-b": Tau(PAPER_TAU, _BORROWED),
     "dinov2-b-reg": Tau(PAPER_TAU, _BORROWED),
-    "dinov3-s": Tau(PAPER_TAU, "the paper's value for PlaceFormer; not calibrated for this one"),
+    "dinov3-s": Tau(PAPER_TAU, _UNCALIBRATED),
+    "sam2.1-tiny": Tau(PAPER_TAU, _UNCALIBRATED),
+    "sam2.1-small": Tau(PAPER_TAU, _UNCALIBRATED),
+    "sam2.1-base": Tau(PAPER_TAU, _UNCALIBRATED),
+    "sam2.1-large": Tau(PAPER_TAU, _UNCALIBRATED),
 }

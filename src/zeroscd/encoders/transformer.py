@@ -80,14 +80,14 @@ class TransformerEncoder:
             return network(pixels.to(self.device)).float().cpu()
 
 
-def checked_layer(layer: int, *, depth: int) -> int:
+def checked_layer(layer: int, *, depth: int, first: int = 1) -> int:
     """Return the layer, if there is one.
 
     Raises:
-        SettingsError: It is not in 1..depth.
+        SettingsError: It is not in first..depth.
     """
-    if not 1 <= layer <= depth:
-        message = f"setting layer cannot be {layer}: this encoder has layers 1 to {depth}"
+    if not first <= layer <= depth:
+        message = f"setting layer cannot be {layer}: this encoder has layers {first} to {depth}"
         raise SettingsError(message)
     return layer
 

@@ -61,6 +61,11 @@ class Counts:
         return _ratio(self.tp, self.tp + self.fp + self.fn)
 
     @property
+    def overall_accuracy(self) -> float:
+        """Share of the counted pixels that were predicted rightly, 0..1."""
+        return _ratio(self.tp + self.tn, self.tp + self.fp + self.fn + self.tn)
+
+    @property
     def has_change(self) -> bool:
         """Whether the truth shows any change."""
         return self.tp + self.fn > 0

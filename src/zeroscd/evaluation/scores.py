@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from zeroscd.evaluation.scoring import PairScore
     from zeroscd.settings import Settings
 
+# Of the change class, as tables of aerial data sets give them; unchanged pairs count as well.
+POOLED = ("precision", "recall", "f1", "iou", "overall_accuracy")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FalseAlarms:
@@ -99,6 +102,14 @@ class Scores:
         }
 
     @property
+    def pooled(self) -> dict[str, float]:
+        """Scores of the pixels of all pairs together; empty where no published table has them."""
+        if not self.dataset.pools_pixels:
+            return {}
+        counts = pool([pair.counts for pair in self.pairs])
+        return {name: getattr(counts, name) for name in POOLED}
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What puts the scores in doubt, a sentence each; the data set's notes say the rest.
 
@@ -132,6 +143,7 @@ class Scores:
             "empty_pairs_as_zero": asdict(summarise(counts, empty="zero")),
             "empty_pairs_as_one": asdict(summarise(counts, empty="one")),
             "pixels": asdict(pool(counts)),
+            **({"pooled": self.pooled} if self.pooled else {}),
             "kind_accuracy": self.kind_accuracy,
             "temporal_consistency": self.temporal_consistency,
             "f1_macro_by_fold": self.by_fold,

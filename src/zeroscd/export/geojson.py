@@ -77,9 +77,19 @@ def geojson(features: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": list(features)}
 
 
-def geojson_lines(features: Iterable[Mapping[str, Any]]) -> Iterator[bytes]:
-    """Write the same as text, a line a feature, never more than one of them in memory."""
-    yield b'{"type": "FeatureCollection", "features": ['
+def geojson_lines(
+    features: Iterable[Mapping[str, Any]], *, crs: str | None = None
+) -> Iterator[bytes]:
+    """Write the same as text, a line a feature, never more than one of them in memory.
+
+    Args:
+        features: In order.
+        crs: URN of the coordinate reference system, as GeoJSON 2008 and GDAL have it, where it is
+            not the longitude and latitude that RFC 7946 demands.
+    """
+    named = {"type": "name", "properties": {"name": crs}}
+    member = "" if crs is None else f'"crs": {json.dumps(named)}, '
+    yield f'{{"type": "FeatureCollection", {member}"features": ['.encode("ascii")
     separator = "\n"
     for one in features:
         yield (separator + json.dumps(one, allow_nan=False)).encode("ascii")

@@ -10,7 +10,7 @@ from pycocotools import mask as coco
 from zeroscd.alignment.warp import warp_mask
 from zeroscd.errors import OutputError
 from zeroscd.export.frame import to_common_frame
-from zeroscd.records import Segment
+from zeroscd.segments import Segment
 
 if TYPE_CHECKING:
     from supervision import Detections

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from zeroscd.arrays import Map, Mask, PointsXy
     from zeroscd.images.grid import PatchGrid
     from zeroscd.judge.ground import Ground
-    from zeroscd.records import CoarseChange, FeatureMap, Segment
+    from zeroscd.records import CoarseChange, FeatureMap
+    from zeroscd.segments import Segment
 
 # How far the coarsest patches are searched to each side, as a share of the square root of their
 # number: no parallax moves an object farther.

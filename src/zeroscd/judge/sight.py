@@ -8,7 +8,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from zeroscd.judge.ground import Ground
-    from zeroscd.records import CoarseChange, Segment
+    from zeroscd.records import CoarseChange
+    from zeroscd.segments import Segment
 
 SEEN_SHARE = 0.5  # of a region that a view must show to count
 

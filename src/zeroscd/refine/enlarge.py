@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.records import Segment
+from zeroscd.segments import Segment
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

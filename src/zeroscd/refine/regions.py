@@ -11,8 +11,9 @@ import numpy as np
 from pycocotools import mask as coco
 
 from zeroscd.images.areas import resize_mask
-from zeroscd.records import Region, Segment
+from zeroscd.records import Region
 from zeroscd.refine.polygons import outer_polygons
+from zeroscd.segments import Segment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

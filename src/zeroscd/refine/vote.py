@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from zeroscd.images.boxes import count_in_boxes
-
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from zeroscd.arrays import Mask
-    from zeroscd.records import CoarseChange, Segment, Segments
+    from zeroscd.records import CoarseChange
+    from zeroscd.segments import Segment, Segments
 
 MIN_KNOWN = 0.3  # share of a segment that both photos must show before it may be flagged
 
@@ -50,33 +49,18 @@ def vote(
 
     Source: ZeroSCD, section III-E.
     """
-    unknown = coarse.unknown if partial_segments == "visible" else np.zeros_like(coarse.unknown)
-    boxes_xywh = np.array([s.bbox_xywh for s in segments], dtype=np.intp).reshape(-1, 4)
-    corners, sizes = boxes_xywh[:, :2], boxes_xywh[:, 2:]
-    boxes_xyxy = np.hstack([corners, corners + sizes])
-    changed_px = count_in_boxes(coarse.changed, boxes_xyxy).tolist()
-    unknown_px = count_in_boxes(unknown, boxes_xyxy).tolist()
-    box_px = sizes.prod(axis=1).tolist()
-    flagged = []
-    for segment, changed, hidden, whole in zip(
-        segments, changed_px, unknown_px, box_px, strict=True
-    ):
-        # Most bounding boxes decide the vote before their segment is unpacked.
-        if changed <= alpha * (segment.area_px - hidden):
-            continue
-        gamma = 1.0 if changed == whole and not hidden else _gamma(segment, coarse.changed, unknown)
-        if gamma > alpha:
-            flagged.append(Flagged(segment, gamma))
-    return flagged
-
-
-def _gamma(segment: Segment, changed: Mask, unknown: Mask) -> float:
-    """Share of coarse change of a segment; 0 where too little of it is known."""
-    known = segment.crop() & ~unknown[segment.window]
-    known_px = np.count_nonzero(known)
-    if known_px <= MIN_KNOWN * segment.area_px:
-        return 0.0
-    return float(np.count_nonzero(known & changed[segment.window]) / known_px)
+    if partial_segments == "visible":
+        known_px = segments.areas_px - segments.count(coarse.unknown)
+        changed_px = segments.count(coarse.changed & ~coarse.unknown)
+    else:
+        known_px, changed_px = segments.areas_px, segments.count(coarse.changed)
+    gamma = np.where(
+        known_px > MIN_KNOWN * segments.areas_px, changed_px / np.maximum(known_px, 1), 0.0
+    )
+    return [
+        Flagged(segments.items[at], float(gamma[at]))
+        for at in np.flatnonzero(gamma > alpha).tolist()
+    ]
 
 
 def unite(segments: Iterable[Segment], size_hw: tuple[int, ...]) -> Mask:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from zeroscd.image_embedding import embedding_of
 from zeroscd.images.components import convex_hulls
-from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.prompts import Crop, crops_of, grid_points, points_in_roi
 from zeroscd.segmenters.selection import (
     box_nms,
@@ -21,6 +21,7 @@ from zeroscd.segmenters.selection import (
     remove_small_regions,
     stability_score,
 )
+from zeroscd.segments import Segment, Segments
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,20 +29,13 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from zeroscd.arrays import Mask, PointsXy, Rgb
+    from zeroscd.image_embedding import ImageEmbedding
     from zeroscd.records import FeatureMap
     from zeroscd.settings import SegmentSettings
 
 # Masks upscaled together, at four bytes a pixel. The allocator does not keep arrays above 32 MB,
 # which doubled the time of a mask (benchmarks/models.py).
 MASKS_PER_UPSCALE = 4
-
-
-class ImageEmbedding(Protocol):
-    """A photo after the image encoder; opaque to callers."""
-
-    @property
-    def size_bytes(self) -> int:
-        """Memory it takes."""
 
 
 class PromptNetwork(Protocol):
@@ -101,14 +95,18 @@ class AutomaticSegmenter:
     settings: SegmentSettings
 
     def proposals(self, photo: Rgb, features: tuple[FeatureMap, ...]) -> AutomaticProposals:
-        """Prepare a photo; it is encoded on first use.
+        """Prepare a photo; it is encoded on first use, unless the encoder is the same network.
 
         Args:
             photo: (H, W, 3) uint8 RGB.
-            features: Not used.
+            features: The photo's feature maps; of those of this network the embedding is taken.
         """
-        del features
-        return AutomaticProposals(network=self.network, settings=self.settings, photo=photo)
+        return AutomaticProposals(
+            network=self.network,
+            settings=self.settings,
+            photo=photo,
+            embedding=embedding_of(self.name, features),
+        )
 
 
 @dataclass(slots=True, kw_only=True)
@@ -119,8 +117,8 @@ class AutomaticProposals:
         network: Predicts masks for points.
         settings: Grid, filters and crops.
         photo: (H, W, 3) uint8 RGB.
-        embedding: Of the whole photo; None before first use. Those of crops are not kept: there may
-            be hundreds, of 15 MB (SAM) to 27 MB (SAM 2) each.
+        embedding: Of the whole photo; None before first use, unless the encoder made it. Those of
+            crops are not kept: there may be hundreds, of 15 MB (SAM) to 27 MB (SAM 2) each.
     """
 
     network: PromptNetwork

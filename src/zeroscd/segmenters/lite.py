@@ -9,7 +9,6 @@ import numpy as np
 
 from zeroscd.device import side_by_side
 from zeroscd.images.resizing import resize
-from zeroscd.records import Segment, Segments
 from zeroscd.segmenters.boundary import (
     FINEST,
     LEVEL_STRIDES_PX,
@@ -19,15 +18,15 @@ from zeroscd.segmenters.boundary import (
     load_head,
 )
 from zeroscd.segmenters.hierarchy import build_hierarchy
+from zeroscd.segmenters.nested import Leaves, nested_segments
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
     from zeroscd.arrays import Mask, Rgb
     from zeroscd.records import FeatureMap
     from zeroscd.segmenters.hierarchy import Hierarchy
+    from zeroscd.segments import Segments
     from zeroscd.settings import Settings
 
 LARGEST_SHARE = 0.5  # of a photo; larger segments are the scene, not a thing in it
@@ -100,12 +99,12 @@ class LiteProposals:
             roi: (H, W) region of interest, of the segments' size; None = the whole photo.
         """
         hierarchy = self._hierarchy()
-        leaf_of = leaves_to_pixels(hierarchy.leaf_of, self._size_hw)
-        min_area_px = MIN_CELLS * leaf_of.size / hierarchy.leaf_of.size
-        return Segments(
-            size_hw=leaf_of.shape,
-            items=tuple(tree_segments(hierarchy, leaf_of, roi=roi, min_area_px=min_area_px)),
-        )
+        leaves = Leaves.of(hierarchy, cells_of_pixels(hierarchy.leaf_of.shape, self._size_hw))
+        photo_px = leaves.leaf_of.size
+        min_area_px = MIN_CELLS * photo_px / hierarchy.leaf_of.size
+        area_px = leaves.count(None)
+        fits = (area_px >= min_area_px) & (area_px <= LARGEST_SHARE * photo_px)
+        return nested_segments(leaves.only(fits & (leaves.count(roi) > 0)))
 
     def _hierarchy(self) -> Hierarchy:
         with self._lock:
@@ -126,58 +125,19 @@ def load(settings: Settings, device: str) -> LiteSegmenter:
     return LiteSegmenter(load_head())
 
 
-def leaves_to_pixels(leaf_of: NDArray[np.int32], photo_hw: tuple[int, ...]) -> NDArray[np.int32]:
-    """Give every pixel of the photo the leaf of the nearest cell; cell i lies at 2 i."""
-    height, width = photo_hw[:2]
-    scale_y, scale_x = (c * STRIDE_PX / n for c, n in zip(leaf_of.shape, photo_hw, strict=True))
-    rows = ((np.arange(height) + 0.5) * scale_y - 0.5) / STRIDE_PX
-    cols = ((np.arange(width) + 0.5) * scale_x - 0.5) / STRIDE_PX
-    row = np.clip(np.floor(rows + 0.5).astype(np.intp), 0, leaf_of.shape[0] - 1)
-    col = np.clip(np.floor(cols + 0.5).astype(np.intp), 0, leaf_of.shape[1] - 1)
-    return np.asarray(leaf_of[row[:, None], col[None, :]])
+def cells_of_pixels(
+    cells_hw: tuple[int, ...], photo_hw: tuple[int, int]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the nearest row of cells of each row of pixels, and column; cell i lies at 2 i.
 
-
-def tree_segments(
-    hierarchy: Hierarchy, leaf_of: NDArray[np.int32], *, roi: Mask | None, min_area_px: float
-) -> Iterator[Segment]:
-    """Yield the nodes of a tree as segments, leaves first.
-
-    Args:
-        hierarchy: The tree.
-        leaf_of: (H, W) the leaf of every pixel.
-        roi: (H, W) nodes without a pixel in it are left out; None keeps all.
-        min_area_px: Smaller nodes are left out, as are those above LARGEST_SHARE of the photo.
+    Example:
+        >>> cells_of_pixels((2, 3), (4, 6))[1].tolist()
+        [0, 1, 1, 2, 2, 2]
     """
-    leaves = int(hierarchy.last.max())
-    area = _sum_leaves(hierarchy, np.bincount(leaf_of.ravel(), minlength=leaves))
-    inside = leaf_of if roi is None else leaf_of[roi]
-    roi_area = _sum_leaves(hierarchy, np.bincount(inside.ravel(), minlength=leaves))
-    boxes = _boxes(leaf_of, leaves)
-    fits = (area >= min_area_px) & (area <= LARGEST_SHARE * leaf_of.size) & (roi_area > 0)
-    for node in np.flatnonzero(fits):
-        first, last = hierarchy.first[node], hierarchy.last[node]
-        left, top = boxes[first:last, :2].min(axis=0)
-        right, bottom = boxes[first:last, 2:].max(axis=0)
-        box = leaf_of[top:bottom, left:right]
-        # The box is tight: `Segment.from_mask` would only measure it again.
-        bbox_xywh = (int(left), int(top), int(right - left), int(bottom - top))
-        yield Segment(bbox_xywh, np.packbits((box >= first) & (box < last)), int(area[node]))
-
-
-def _sum_leaves(hierarchy: Hierarchy, per_leaf: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Sum a number over the leaves below every node."""
-    total = np.concatenate([[0], np.cumsum(per_leaf)])
-    return np.asarray(total[hierarchy.last] - total[hierarchy.first])
-
-
-def _boxes(leaf_of: NDArray[np.int32], leaves: int) -> NDArray[np.intp]:
-    """Left, top, right, bottom (exclusive) of every leaf; without pixels, an empty box."""
-    rows, cols = np.indices(leaf_of.shape)
-    flat = leaf_of.ravel()
-    boxes = np.empty((leaves, 4), dtype=np.intp)
-    boxes[:, :2], boxes[:, 2:] = np.iinfo(np.intp).max, 0
-    np.minimum.at(boxes[:, 0], flat, cols.ravel())
-    np.minimum.at(boxes[:, 1], flat, rows.ravel())
-    np.maximum.at(boxes[:, 2], flat, cols.ravel() + 1)
-    np.maximum.at(boxes[:, 3], flat, rows.ravel() + 1)
-    return boxes
+    rows, cols = (
+        np.floor(((np.arange(n) + 0.5) * c * STRIDE_PX / n - 0.5) / STRIDE_PX + 0.5)
+        .astype(np.intp)
+        .clip(0, c - 1)
+        for c, n in zip(cells_hw, photo_hw, strict=True)
+    )
+    return rows, cols

@@ -8,8 +8,9 @@ from zeroscd.renamed import warn_renamed
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask, Rgb
-    from zeroscd.records import FeatureMap, Segments
+    from zeroscd.records import FeatureMap
     from zeroscd.segmenters.port import MaskProposals, Segmenter
+    from zeroscd.segments import Segments
 
 
 def by_new_names(segmenter: Segmenter) -> Segmenter:

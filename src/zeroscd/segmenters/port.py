@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from zeroscd.arrays import Mask, Rgb
-    from zeroscd.records import FeatureMap, Segments
+    from zeroscd.records import FeatureMap
+    from zeroscd.segments import Segments
 
 
 class MaskProposals(Protocol):

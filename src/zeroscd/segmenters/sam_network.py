@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -45,6 +45,10 @@ class SamImageEmbedding:
     def size_bytes(self) -> int:
         """Memory it takes, on whatever device."""
         return self.tokens.size_bytes
+
+    def resized(self, photo_hw: tuple[int, int]) -> SamImageEmbedding:
+        """Return the same for the same photo at another size: the square input stays."""
+        return replace(self, photo_hw=photo_hw)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from zeroscd.images.tiles import Box
-    from zeroscd.records import Segment, Segments
+    from zeroscd.segments import Segment, Segments
 
 
 def segments_in_photo(segments: Segments, box: Box, size_hw: tuple[int, int]) -> Iterator[Segment]:

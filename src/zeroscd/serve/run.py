@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import socket
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import uvicorn
@@ -18,7 +18,7 @@ from zeroscd.serve.connection import TimedConnection
 from zeroscd.serve.service import Service
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from zeroscd.serve.limits import Limits
@@ -41,6 +41,7 @@ class Plan:
         limits: Of every request.
         root_path: Path prefix under which a proxy publishes the server; "" for none.
         allowed_hosts: Names under which it may be asked, beside localhost and IP addresses.
+        overrides: Settings that differ from the presets', by name; requests may change thresholds.
     """
 
     host: str
@@ -52,6 +53,7 @@ class Plan:
     limits: Limits
     root_path: str = ""
     allowed_hosts: Sequence[str] = ()
+    overrides: Mapping[str, object] = field(default_factory=dict)
 
 
 def serve(plan: Plan, *, ready: Callable[[str], None]) -> None:
@@ -70,7 +72,10 @@ def serve(plan: Plan, *, ready: Callable[[str], None]) -> None:
     with listening, _owned(plan.state):
         # The parser of forms writes its temporary files here.
         tempfile.tempdir = str(clean_spool(plan.state))
-        detectors = {name: Detector.from_preset(name, device=plan.device) for name in plan.presets}
+        detectors = {
+            name: Detector.from_preset(name, device=plan.device, overrides=plan.overrides)
+            for name in plan.presets
+        }
         service = Service(detectors, plan.limits)
         app = make_app(
             service,

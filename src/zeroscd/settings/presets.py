@@ -32,6 +32,13 @@ PRESETS: dict[str, Settings] = {
     "dinov2-s": _literally("dinov2-s", side_px=518),
     "dinov2-b": _literally("dinov2-b", side_px=518),
     "robust": Settings(encoder="dinov2-b", segmenter="sam2.1-base", side_px=518),
+    # SAM 2.1 sees any photo as a square of 1024 x 1024, whatever side_px says.
+    "single": Settings(
+        encoder="sam2.1-base",
+        segmenter="sam2.1-base",
+        side_px=1024,
+        change=ChangeSettings(threshold="pair"),
+    ),
 }
 
 

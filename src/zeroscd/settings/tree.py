@@ -183,6 +183,9 @@ class Settings:
     judge: Literal["all", "likely", "sure"] = setting(
         "all", "which changes are kept, by their support", paper="all", threshold=True
     )
+    vegetation: Literal["report", "ignore"] = setting(
+        "report", "trees and hedges are reported, or left out", paper="report", threshold=True
+    )
     consensus: Share = setting(
         0.8,
         "with several photos of a place: share of the views of a pixel that must see it changed",

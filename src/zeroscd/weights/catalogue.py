@@ -17,7 +17,7 @@ class WeightFile:
 
     Attributes:
         name: Its name in commands and settings.
-        kind: Encoder, segmenter or labeller.
+        kind: Encoder, segmenter or labeller; or the first two in one network.
         file: The publisher's file name.
         address: URL that needs no account; None = there is none.
         page: Web page about it.
@@ -30,7 +30,7 @@ class WeightFile:
     """
 
     name: str
-    kind: Literal["encoder", "segmenter", "labeller"]
+    kind: Literal["encoder", "segmenter", "encoder, segmenter", "labeller"]
     file: str
     address: str | None
     page: str
@@ -78,7 +78,7 @@ def _sam(name: str, file: str, *, hub: str, sha256: str, size_bytes: int) -> Wei
 def _sam2(name: str, file: str, *, hub: str, sha256: str, size_bytes: int) -> WeightFile:
     return WeightFile(
         name=name,
-        kind="segmenter",
+        kind="encoder, segmenter",
         file=file,
         address=f"{_META}/segment_anything_2/092824/{file}",
         page="https://github.com/facebookresearch/sam2",

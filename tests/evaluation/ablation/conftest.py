@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from zeroscd.images.grid import PatchGrid
-from zeroscd.records import FeatureMap, Segments
+from zeroscd.records import FeatureMap
+from zeroscd.segments import Segments
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -146,6 +146,17 @@ def changesim_tree(root: Path, below: str = "Query/Query_Seq_Test") -> Path:
     return root
 
 
+def levir_tree(root: Path, below: str = "test") -> Path:
+    """The test split, and a training split that does not count."""
+    size_hw = (320, 320)
+    before, after = photos(size_hw, brighter=False)
+    for folder, stem in ((below, "test_1"), (below, "test_2"), ("train", "train_1")):
+        write(root / folder / "A" / f"{stem}.png", before)
+        write(root / folder / "B" / f"{stem}.png", after)
+        write(root / folder / "label" / f"{stem}.png", white_mask(size_hw))
+    return root
+
+
 TREES: dict[str, Tree] = {
     "prepared VL-CMU-CD": Tree("vl-cmu-cd", vl_prepared, 2, "prepared"),
     "raw VL-CMU-CD": Tree("vl-cmu-cd", vl_raw, 2, "raw"),
@@ -180,6 +191,7 @@ TREES: dict[str, Tree] = {
     "ChangeSim, test queries alone": Tree(
         "changesim", lambda root: changesim_tree(root, "Query_Seq_Test"), 1, "colour"
     ),
+    "LEVIR-CD": Tree("levir-cd", levir_tree, 2, "test/ with A/ B/ label/"),
 }
 
 

@@ -139,6 +139,7 @@ def test_the_number_of_pairs_on_disk_is_told_when_it_is_not_the_published_one(
         ("TSUNAMI, png masks", "TSUNAMI/mask/00000003.png"),
         ("PCD crops", "set3/test/mask/00000000.png"),
         ("PSCD", "mask_t1/00000001.png"),
+        ("LEVIR-CD", "test/label/test_2.png"),
         ("ChangeSim", "Query/Query_Seq_Test/Warehouse_6/Seq_0/rgb/0.png"),
     ],
 )
@@ -196,6 +197,36 @@ def test_scores_of_pcd_are_also_given_by_fold(
     scores = score("pcd2015-tsunami", root, tmp_path / "out", toy)
     assert set(scores.by_fold) == {"0", "1"}
     assert scores.by_fold["0"] == scores.pairs[0].counts.f1
+
+
+def test_scores_of_levir_cd_are_those_of_all_pixels_together(
+    tmp_path: Path, toy: ModuleType, trees: Trees
+) -> None:
+    """A pair without change counts, too: its four false columns lower the pooled precision."""
+    root = trees["LEVIR-CD"].draw(tmp_path / "data")
+    quiet = root / "test" / "label" / "test_2.png"
+    Image.fromarray(np.zeros((320, 320), np.uint8)).save(quiet)
+    scores = score("levir-cd", root, tmp_path / "out", toy)
+    # Of 40 columns in both pairs: tp 2, fp 2 + 4, fn 4, tn 28.
+    assert scores.to_dict()["pooled"] == pytest.approx(
+        {
+            "precision": 2 / 8,
+            "recall": 2 / 6,
+            "f1": 4 / 14,
+            "iou": 2 / 12,
+            "overall_accuracy": 30 / 40,
+        }
+    )
+    assert scores.summary.f1_macro == pytest.approx(0.4)  # as elsewhere, of changed pairs only
+    assert "only buildings are labelled" in " ".join(scores.dataset.notes)
+    assert "2 pairs on disk, 128 as published" in scores.dataset.notes
+
+
+def test_no_other_data_set_has_scores_of_pooled_pixels(
+    tmp_path: Path, toy: ModuleType, trees: Trees
+) -> None:
+    root = trees["PSCD"].draw(tmp_path / "data")
+    assert "pooled" not in score("pscd", root, tmp_path / "out", toy).to_dict()
 
 
 def test_two_files_of_one_name_are_not_guessed_between(tmp_path: Path, trees: Trees) -> None:

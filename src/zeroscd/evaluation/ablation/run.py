@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from zeroscd.settings import Settings
 
 # Branches and leaves of the settings that no network reads.
-OUTSIDE_NETWORKS = frozenset({"align", "change", "refine", "frame"})
+OUTSIDE_NETWORKS = frozenset({"align", "change", "refine", "frame", "vegetation"})
 
 
 class DetectorFactory(Protocol):

@@ -21,6 +21,7 @@ DATASETS: dict[str, str] = {
     "pcd2015-gsv": "zeroscd.evaluation.datasets.pcd2015",
     "pscd": "zeroscd.evaluation.datasets.pscd",
     "changesim": "zeroscd.evaluation.datasets.changesim",
+    "levir-cd": "zeroscd.evaluation.datasets.levir_cd",
 }
 
 

@@ -61,6 +61,7 @@ class Dataset:
         size_hw: Every photo and mask is brought to this size; None leaves them as they are.
         black_is_void: Black areas that touch the border were left by warping and do not count.
         counted: Which changes are compared with the masks; None = both kinds.
+        pools_pixels: Whether published tables score the pixels of all pairs together.
         notes: What a reader of the scores must know (stray files, resized photos, ...).
     """
 
@@ -73,6 +74,7 @@ class Dataset:
     size_hw: tuple[int, int] | None = None
     black_is_void: bool = False
     counted: Kind | None = None
+    pools_pixels: bool = False
     notes: tuple[str, ...] = ()
 
     def first(self, limit: int | None) -> Dataset:

@@ -58,6 +58,10 @@ def means_table(scores: Scores) -> Table:
     optional = {
         "right kind (removed, added)": scores.kind_accuracy,
         "agreement after swapping the photos": scores.temporal_consistency,
+        **{
+            f"{name.replace('_', ' ')}, pixels of all pairs together": value
+            for name, value in scores.pooled.items()
+        },
         **{f"F1 of fold {fold}": f1 for fold, f1 in scores.by_fold.items()},
     }
     rows += [(name, number(value), "") for name, value in optional.items() if value is not None]

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.errors import DatasetError
 from zeroscd.export.geojson import geojson_lines, point
+from zeroscd.export.geopackage import is_available
 from zeroscd.export.table import write_parquet
 from zeroscd.output import write_whole, writing
 from zeroscd.survey.events.event import Event
-from zeroscd.survey.events.geopackage import geopackage, is_available
+from zeroscd.survey.events.geopackage import geopackage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -1,0 +1,1 @@
+"""Georeferenced pairs of any size: GeoTIFFs in, a mask and polygons on the map out."""
