@@ -229,17 +229,11 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """A place of a pair that was encoded again, larger: a pair of its own, in its own pixels.
-
-    Attributes:
-        pair: The place in both photos.
-        distances: As in `Evidence`, of t0 and of t1.
-        boxes: Where it lies in the photos.
-    """
+    """A part of a pair that was encoded again, larger: a pair of its own, in its own pixels."""
 
     pair: Pair
-    distances: tuple[DepthDistances, DepthDistances | None]
-    boxes: tuple[Box, Box]
+    distances: tuple[DepthDistances, DepthDistances | None]  # as in `Evidence`, of t0 and of t1
+    boxes: tuple[Box, Box]  # where it lies in the photos
 
 
 def whole_homography(b_from_a: Homography, a: EncodedPhoto, b: EncodedPhoto) -> Homography:
@@ -265,7 +259,7 @@ class Evidence:
             asked for (`prompting=coarse`), which the thresholds decide.
         settings: Under which the evidence was gathered.
         seconds: Wall time of each stage so far.
-        tiles: Places that were looked at again, closer.
+        tiles: Parts that were looked at again, closer.
         others: Other pairs of photos of the same place; none where each side has one photo.
         further_photos: The photos of those pairs, and those that could not be used.
     """

@@ -1,4 +1,4 @@
-"""A closer look at the places of a pair where something small may have changed."""
+"""A closer look at a pair, tile by tile, for what is too small in the photos as wholes."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from zeroscd.alignment.homography import translation
-from zeroscd.change.tiles import choose_tiles, small_change
+from zeroscd.change.tiles import choose_tiles
 from zeroscd.evidence import EncodedPhoto, Pair, Tile, encoded_photo
 from zeroscd.images.photo import Photo
-from zeroscd.images.tiles import carried_tile, cropped
+from zeroscd.images.tiles import carried_tile, cropped, grid_of_tiles
 from zeroscd.settings import ChangeSettings, Settings
 from zeroscd.steps import coarse_changes, distances
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from zeroscd.arrays import Map
     from zeroscd.evidence import Evidence
     from zeroscd.images.tiles import Box
     from zeroscd.models import Models
@@ -31,7 +30,7 @@ RANKING = Settings(change=ChangeSettings(threshold="pair", tau_share=0.1))
 
 
 def look_closer(evidence: Evidence, *, models: Models, timer: StageTimer) -> Evidence:
-    """Encode the places again, larger, where something small may have changed.
+    """Encode parts of both photos again, larger.
 
     Args:
         evidence: Of a pair, without tiles.
@@ -50,22 +49,25 @@ def look_closer(evidence: Evidence, *, models: Models, timer: StageTimer) -> Evi
 def _tiles(evidence: Evidence, models: Models) -> Iterator[Tile]:
     pair, settings = evidence.pair, evidence.settings.change
     _, side_t1 = pair.sides
-    places = choose_tiles(_salience(evidence), pair.photo_t1.size_hw, max_tiles=settings.max_tiles)
-    for box_t1 in places:
+    for box_t1 in _chosen(evidence):
         box_t0 = carried_tile(box_t1, side_t1.carry, pair.photo_t0.size_hw)
         if box_t0 is not None:
             closer = _encoded(pair, (box_t0, box_t1), models)
             yield Tile(closer, distances(closer, settings), (box_t0, box_t1))
 
 
-def _salience(evidence: Evidence) -> Map:
-    """Rank places of t1 by how much a small thing of either photo stands out there."""
+def _chosen(evidence: Evidence) -> tuple[Box, ...]:
+    """Choose tiles of t1 by how much either photo may have changed there."""
     of_t0, of_t1 = coarse_changes(evidence, RANKING, tau=0.0)
     _, side_t1 = evidence.pair.sides
     distance = np.maximum(of_t1.distance, side_t1.bring_map(of_t0.distance))
     ignored = side_t1.ignored()
-    allowed = ~of_t1.unknown if ignored is None else ~(of_t1.unknown | ignored)
-    return small_change(distance - np.float32(of_t1.tau), allowed)
+    return choose_tiles(
+        grid_of_tiles(evidence.pair.photo_t1.size_hw),
+        distance - np.float32(of_t1.tau),
+        ~of_t1.unknown if ignored is None else ~(of_t1.unknown | ignored),
+        max_tiles=evidence.settings.change.max_tiles,
+    )
 
 
 def _encoded(pair: Pair, boxes: tuple[Box, Box], models: Models) -> Pair:
