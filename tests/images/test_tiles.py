@@ -6,29 +6,24 @@ from hypothesis import strategies as st
 
 from zeroscd.alignment.homography import apply
 from zeroscd.images.resizing import resize
-from zeroscd.images.tiles import blend_weights, carried_tile, cropped, tile_at, window_of
+from zeroscd.images.tiles import blend_weights, carried_tile, cropped, grid_of_tiles, window_of
 
-sides = st.integers(8, 200)
-shares = st.floats(0, 1)
+sides = st.integers(1, 200)
 TURN = np.array([[1.03, 0.03, -8], [-0.02, 1.01, 6], [1e-4, -5e-5, 1]])
 
 
-@given(height=sides, width=sides, down=shares, right=shares)
-def test_a_tile_is_half_as_wide_and_high_shows_its_place_and_lies_in_the_photo(
-    height: int, width: int, down: float, right: float
+@given(height=sides, width=sides)
+def test_every_pixel_lies_in_a_tile_and_none_is_lost_in_the_blending(
+    height: int, width: int
 ) -> None:
-    x, y = right * (width - 1), down * (height - 1)
-    left, top, across, tall = tile_at((x, y), (height, width))
-    assert (across, tall) == (round(width / 2), round(height / 2))
-    assert 0 <= left <= width - across
-    assert 0 <= top <= height - tall
-    assert left - 0.5 <= x <= left + across - 0.5
-    assert top - 0.5 <= y <= top + tall - 0.5
-
-
-def test_a_tile_away_from_the_edges_is_centred_on_its_place() -> None:
-    left, top, across, tall = tile_at((99.5, 79.5), (160, 200))
-    assert (left + across / 2 - 0.5, top + tall / 2 - 0.5) == (99.5, 79.5)
+    most = np.zeros((height, width))
+    for box in grid_of_tiles((height, width)):
+        left, top, across, tall = box
+        assert min(left, top) >= 0
+        assert (left + across <= width, top + tall <= height) == (True, True)
+        weights = blend_weights(box, (height, width))
+        most[window_of(box)] = np.maximum(most[window_of(box)], weights)
+    assert most.min() > 0.1
 
 
 def test_a_carried_tile_holds_every_carried_pixel_and_no_more() -> None:
