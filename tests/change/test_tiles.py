@@ -91,7 +91,7 @@ def test_the_tiles_with_most_change_are_chosen_and_keep_their_order(
 
     def above(tile: Box) -> float:
         rows, cols = window_of(tile)
-        return sum(max(v, 0) for v in excess[rows, cols][counts[rows, cols]].tolist())
+        return sum(max(float(v), 0.0) for v in excess[rows, cols][counts[rows, cols]].tolist())
 
     left_out = [above(tile) for tile in TILES if tile not in chosen]
     assert min(map(above, chosen), default=np.inf) >= max(left_out, default=0) - 1e-4

@@ -40,7 +40,7 @@ def choose_tiles(
     worth = {box: float(wanted[window_of(box)].sum()) for box in tiles}
     shown = [box for box in tiles if counts[window_of(box)].any()]
     best = sorted(shown, key=lambda box: -worth[box])[:max_tiles]
-    return tuple(box for box in tiles if box in best)
+    return tuple(sorted(best, key=tiles.index))
 
 
 def blend_tiles(whole: CoarseChange, tiles: Sequence[tuple[Box, CoarseChange]]) -> CoarseChange:
