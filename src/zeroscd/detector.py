@@ -24,14 +24,11 @@ from zeroscd.renamed import warn_renamed
 from zeroscd.result import ChangeResult
 from zeroscd.settings import preset as settings_of
 from zeroscd.settings import require_same_evidence
-from zeroscd.steps import (
-    all_segments,
-    compare_photos,
-    removed_and_added,
-    segments_around,
-)
+from zeroscd.steps import compare_photos, removed_and_added
+from zeroscd.tiles import look_closer
 from zeroscd.timer import StageTimer
 from zeroscd.views import join, several, sights
+from zeroscd.voting import all_segments, segments_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -222,7 +219,10 @@ class Detector:
         if t1_from_t0 is not None and len(old) * len(new) > 1:
             refuse_for_several(t1_from_t0)
         both = partial(compare_photos, settings=self.settings, known=t1_from_t0, timer=timer)
-        evidence = join([[both(photo_t0, photo_t1) for photo_t1 in new] for photo_t0 in old])
+        closer = partial(look_closer, models=self.models, timer=timer)
+        evidence = join(
+            [[closer(both(photo_t0, photo_t1)) for photo_t1 in new] for photo_t0 in old]
+        )
         check_areas(evidence.pair, old[0], new[0])
         with timer.stage("segment"):
             everything = self.settings.segment.prompting == "everything"
@@ -247,10 +247,10 @@ class Detector:
             seen = sights(evidence, chosen, tau=self.models.encoder.tau)
             coarse = seen[0].coarse, seen[1].coarse
         with timer.stage("segment"):
-            segments = evidence.segments or segments_around(pair, coarse)
+            segments = segments_of(evidence, coarse)
         with timer.stage("refine"):
             rules = chosen.refine if not evidence.others else several(chosen.refine)
-            masks = removed_and_added(pair, coarse, segments, rules)
+            masks = removed_and_added(pair, seen, segments, rules)
         with timer.stage("judge"):
             judged = judge(pair, seen, masks, chosen.judge)
             judged = leave_out(judged, pair, min_area_px=rules.min_area_px)

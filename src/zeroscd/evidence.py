@@ -12,7 +12,7 @@ from zeroscd.alignment.warp import unseen, warp_map, warp_mask
 from zeroscd.image_embedding import descriptors_alone, resized
 from zeroscd.images.areas import read_area
 from zeroscd.images.bars import empty_edges
-from zeroscd.images.working import shrink_mask, working_photo
+from zeroscd.images.working import photo_at, shrink_mask, working_photo
 from zeroscd.records import NotAligned
 from zeroscd.segmenters.port import SizedSegmenter
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from zeroscd.change.coarse import DepthDistances
     from zeroscd.images.areas import AreaSource
     from zeroscd.images.photo import Photo
+    from zeroscd.images.tiles import Box
     from zeroscd.judge.ground import Ground
     from zeroscd.records import Alignment, FeatureMap, FurtherPhoto
     from zeroscd.segmenters.port import MaskProposals, Segmenter
@@ -117,15 +118,22 @@ class EncodedPhoto:
         return replace(self, ignored=ignored, wanted=wanted)
 
 
-def encoded_photo(photo: Photo, maps: tuple[FeatureMap, ...], segmenter: Segmenter) -> EncodedPhoto:
+def encoded_photo(
+    photo: Photo,
+    maps: tuple[FeatureMap, ...],
+    segmenter: Segmenter,
+    *,
+    size_hw: tuple[int, int] | None = None,
+) -> EncodedPhoto:
     """Make one from a photo and its feature maps; a large one goes on at its working size.
 
     Args:
         photo: As it was read.
         maps: Its feature maps, in its own pixels.
         segmenter: Cuts it into segments.
+        size_hw: The size it is compared at, if it is not that of a whole photo.
     """
-    working = working_photo(photo)
+    working = working_photo(photo) if size_hw is None else photo_at(photo, size_hw)
     if working is photo:
         # A segmenter around the encoder's network keeps the embedding that came with the maps.
         return EncodedPhoto(photo, _alone(maps), segmenter.proposals(photo.pixels, maps))
@@ -174,11 +182,7 @@ class Side:
         return outside | empty_here | self.bring_mask(empty_there)
 
     def ignored(self) -> Mask | None:
-        """Mark the pixels of this photo that do not count, by either photo's areas.
-
-        Returns:
-            None where all count.
-        """
+        """Mark the pixels that do not count, by either photo's areas; None where all count."""
         here, there = self.here, self.there
         areas = [
             here.ignored,
@@ -223,6 +227,15 @@ class Pair:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """A part of a pair that was encoded again, larger: a pair of its own, in its own pixels."""
+
+    pair: Pair
+    distances: tuple[DepthDistances, DepthDistances | None]  # as in `Evidence`, of t0 and of t1
+    boxes: tuple[Box, Box]  # where it lies in the photos
+
+
 def whole_homography(b_from_a: Homography, a: EncodedPhoto, b: EncodedPhoto) -> Homography:
     """Return a homography between two photos, found between their `working`, in own pixels."""
     if a.smaller is None and b.smaller is None:
@@ -246,6 +259,7 @@ class Evidence:
             asked for (`prompting=coarse`), which the thresholds decide.
         settings: Under which the evidence was gathered.
         seconds: Wall time of each stage so far.
+        tiles: Parts that were looked at again, closer.
         others: Other pairs of photos of the same place; none where each side has one photo.
         further_photos: The photos of those pairs, and those that could not be used.
     """
@@ -258,6 +272,7 @@ class Evidence:
     segments: tuple[Segments, Segments] | None
     settings: Settings
     seconds: Mapping[str, float]
+    tiles: tuple[Tile, ...] = ()
     others: tuple[FurtherPair, ...] = ()
     further_photos: tuple[FurtherPhoto, ...] = ()
 

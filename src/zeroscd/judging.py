@@ -150,7 +150,7 @@ def _judged_side(side: Side, sight: Sight) -> JudgedSide:
     here, there = side.here.maps, side.there.maps
     largest = here[0].grid.size_hw
     return JudgedSide(
-        coarse=sight.coarse,
+        coarse=sight.whole,
         ground=sight.ground,
         fine=here[min(matching_level(here) + 1, len(here) - 1)].grid,
         coarsest=[

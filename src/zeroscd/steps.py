@@ -11,7 +11,7 @@ from zeroscd.alignment.homography import homography_or_resize, invert
 from zeroscd.alignment.known import known_alignment
 from zeroscd.alignment.matching import match
 from zeroscd.change.coarse import find_coarse_change, fuse_depths, measure_distances
-from zeroscd.device import side_by_side
+from zeroscd.change.tiles import blend_tiles
 from zeroscd.evidence import Evidence, Pair
 from zeroscd.judge.ground import verified_ground
 from zeroscd.records import CoarseChange, NotAligned
@@ -19,19 +19,23 @@ from zeroscd.refine.kinds import assign_kinds
 from zeroscd.refine.shapes import close_gaps, drop_thin, remove_small_components
 from zeroscd.refine.strength import keep_strong
 from zeroscd.refine.verify import Verification, confirm
-from zeroscd.refine.vote import unite, vote
-from zeroscd.segmenters.port import OneThreadProposals
+from zeroscd.refine.vote import unite
+from zeroscd.voting import flag
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from zeroscd.alignment.known import KnownGeometry
     from zeroscd.arrays import Mask
     from zeroscd.change.coarse import DepthDistances
+    from zeroscd.change.fusion import Fusion
     from zeroscd.evidence import EncodedPhoto
     from zeroscd.judge.ground import Ground
+    from zeroscd.judge.sight import Sight
     from zeroscd.records import Alignment
-    from zeroscd.segments import Segments
     from zeroscd.settings import AlignSettings, ChangeSettings, RefineSettings, Settings
     from zeroscd.timer import StageTimer
+    from zeroscd.voting import Voters
 
 
 log = logging.getLogger(__name__)
@@ -114,15 +118,45 @@ def distances(pair: Pair, settings: ChangeSettings) -> tuple[DepthDistances, Dep
 def coarse_changes(
     evidence: Evidence, settings: Settings, *, tau: float
 ) -> tuple[CoarseChange, CoarseChange]:
-    """Apply the threshold to both photos; without a map of t1's own, t0's is carried over."""
-    distances_t0, distances_t1 = evidence.distances_t0, evidence.distances_t1
-    measured = [distances_t0] if distances_t1 is None else [distances_t0, distances_t1]
-    fusion = fuse_depths(measured, settings.change, tau=tau)
+    """Apply the threshold to both photos, and blend in what tiles say."""
+    measured = evidence.distances_t0, evidence.distances_t1
+    whole = _coarse_of_both(evidence.pair, measured, _fusion([measured], settings, tau), settings)
+    if not evidence.tiles:
+        return whole
+    fusion = _fusion([tile.distances for tile in evidence.tiles], settings, tau)
+    closer = [
+        _coarse_of_both(tile.pair, tile.distances, fusion, settings) for tile in evidence.tiles
+    ]
+    blended = [
+        blend_tiles(
+            whole[at],
+            [(t.boxes[at], own[at]) for t, own in zip(evidence.tiles, closer, strict=True)],
+        )
+        for at in (0, 1)
+    ]
+    return blended[0], blended[1]
+
+
+def _fusion(
+    measured: Sequence[tuple[DepthDistances, DepthDistances | None]], settings: Settings, tau: float
+) -> Fusion:
+    seen = [one for both in measured for one in both if one is not None]
+    return fuse_depths(seen, settings.change, tau=tau)
+
+
+def _coarse_of_both(
+    pair: Pair,
+    measured: tuple[DepthDistances, DepthDistances | None],
+    fusion: Fusion,
+    settings: Settings,
+) -> tuple[CoarseChange, CoarseChange]:
+    """Return the coarse change of both photos; without a map of t1's own, t0's is carried over."""
+    distances_t0, distances_t1 = measured
     raster = settings.change.coarse_raster
     coarse_t0 = find_coarse_change(distances_t0, fusion, raster=raster)
     if distances_t1 is not None:
         return coarse_t0, find_coarse_change(distances_t1, fusion, raster=raster)
-    _, side_t1 = evidence.pair.sides
+    _, side_t1 = pair.sides
     return coarse_t0, CoarseChange(
         distance=side_t1.bring_map(coarse_t0.distance),
         changed=side_t1.bring_mask(coarse_t0.changed),
@@ -131,41 +165,17 @@ def coarse_changes(
     )
 
 
-def all_segments(pair: Pair) -> tuple[Segments, Segments]:
-    """Ask for every segment of both photos (paper, step 5)."""
-    _prepare_proposals(pair)
-    return pair.photo_t0.proposals.segments(None), pair.photo_t1.proposals.segments(None)
-
-
-def segments_around(
-    pair: Pair, coarse: tuple[CoarseChange, CoarseChange]
-) -> tuple[Segments, Segments]:
-    """Return the segments at coarse change: nearly all that can be flagged (docs/models.md)."""
-    _prepare_proposals(pair)
-    return (
-        pair.photo_t0.proposals.segments(coarse[0].changed),
-        pair.photo_t1.proposals.segments(coarse[1].changed),
-    )
-
-
-def _prepare_proposals(pair: Pair) -> None:
-    """Prepare the segments of both photos at the same time, where that is sound."""
-    both = (pair.photo_t0.proposals, pair.photo_t1.proposals)
-    lone = [one for one in both if isinstance(one, OneThreadProposals)]
-    side_by_side(lambda one: one.prepare(), lone)
-
-
 def removed_and_added(
     pair: Pair,
-    coarse: tuple[CoarseChange, CoarseChange],
-    segments: tuple[Segments, Segments],
+    seen: tuple[Sight, Sight],
+    voters: tuple[Voters, Voters],
     refine: RefineSettings,
 ) -> tuple[Mask, Mask]:
     """Vote, check a second time, assign kinds and clean up; removed (t0), added (t1)."""
     side_t0, side_t1 = pair.sides
+    coarse = seen[0].coarse, seen[1].coarse
     flagged_t0, flagged_t1 = (
-        vote(own, change, alpha=refine.alpha, partial_segments=refine.partial_segments)
-        for own, change in zip(segments, coarse, strict=True)
+        flag(own, change, refine) for own, change in zip(voters, coarse, strict=True)
     )
     rule = Verification(refine.verify, refine.beta)
     size_t0_hw, size_t1_hw = pair.photo_t0.size_hw, pair.photo_t1.size_hw
@@ -186,8 +196,8 @@ def removed_and_added(
         for photo in (pair.photo_t0, pair.photo_t1)
     )
     return (
-        _clean(removed_t0, coarse[0], cleaning_t0),
-        _clean(added_t1, coarse[1], cleaning_t1),
+        _clean(removed_t0, seen[0].whole, cleaning_t0),
+        _clean(added_t1, seen[1].whole, cleaning_t1),
     )
 
 

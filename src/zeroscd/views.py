@@ -117,6 +117,21 @@ def sights(evidence: Evidence, settings: Settings, *, tau: float) -> tuple[Sight
     Returns:
         Of the photo before and of the photo after.
     """
+    closer = _sights(evidence, settings, tau)
+    if settings.change.max_tiles == 0:
+        return closer
+    whole = _sights(_without_tiles(evidence), settings, tau)
+    return closer[0]._replace(whole=whole[0].coarse), closer[1]._replace(whole=whole[1].coarse)
+
+
+def _without_tiles(evidence: Evidence) -> Evidence:
+    others = tuple(
+        replace(other, evidence=replace(other.evidence, tiles=())) for other in evidence.others
+    )
+    return replace(evidence, tiles=(), others=others)
+
+
+def _sights(evidence: Evidence, settings: Settings, tau: float) -> tuple[Sight, Sight]:
     own = coarse_changes(evidence, settings, tau=tau)
     others = [(_unhidden(other.evidence, settings, tau), other) for other in evidence.others]
 
@@ -164,7 +179,7 @@ def _sight(
     consensus: float,
 ) -> Sight:
     if not others:
-        return Sight(own, (own,), ground)
+        return Sight(own, (own,), ground, own)
     size_hw = own.unknown.shape[0], own.unknown.shape[1]
     views = (own, *(_carry(coarse, way, size_hw) for coarse, _, way in others))
     verified = [ground.verified] + [
@@ -176,7 +191,8 @@ def _sight(
     # One verified view is enough: the others' distances can only lower what it says.
     best = np.where(seen, np.stack(verified), 0.0).max(axis=0)
     together = Ground(np.asarray(best, dtype=np.float32), ground.grid)
-    return Sight(agreed_change(views, consensus=consensus), views, together)
+    agreed = agreed_change(views, consensus=consensus)
+    return Sight(agreed, views, together, agreed)
 
 
 def _carry(coarse: CoarseChange, way: Homography, size_hw: tuple[int, int]) -> CoarseChange:

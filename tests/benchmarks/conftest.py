@@ -56,6 +56,12 @@ def accuracy(
 
 
 @pytest.fixture(scope="session")
+def small_things(load_script: Callable[[str], ModuleType], accuracy: ModuleType) -> ModuleType:
+    assert accuracy.__name__ == "accuracy"
+    return load_script("small_things")
+
+
+@pytest.fixture(scope="session")
 def pair_benchmark(load_script: Callable[[str], ModuleType]) -> ModuleType:
     return load_script("pair")
 

@@ -67,6 +67,16 @@ def scaling(from_hw: tuple[int, ...], to_hw: tuple[int, ...]) -> Homography:
     return np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
 
 
+def translation(x: float, y: float) -> Homography:
+    """Move points by x to the right and y down.
+
+    Example:
+        >>> translation(3, 1) @ (0, 0, 1)
+        array([3., 1., 1.])
+    """
+    return np.array([[1, 0, x], [0, 1, y], [0, 0, 1]], dtype=np.float64)
+
+
 def estimate(
     points_a: PointsXy,
     points_b: PointsXy,

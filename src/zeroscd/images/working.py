@@ -25,7 +25,13 @@ def working_photo(photo: Photo) -> Photo:
     if height * width <= WORKING_PX:
         return photo
     scale = (WORKING_PX / (height * width)) ** 0.5
-    size_hw = max(1, round(height * scale)), max(1, round(width * scale))
+    return photo_at(photo, (max(1, round(height * scale)), max(1, round(width * scale))))
+
+
+def photo_at(photo: Photo, size_hw: tuple[int, int]) -> Photo:
+    """Return a photo at another size; at its own size it is the same object."""
+    if photo.size_hw == size_hw:
+        return photo
     return Photo(pixels=resize(photo.pixels, size_hw), path=photo.path)
 
 

@@ -21,11 +21,14 @@ class Sight(NamedTuple):
         coarse: What enough views agree on.
         views: What each view says.
         ground: Which patches are verified in at least one of the views.
+        whole: `coarse` as the photos as wholes say it, without tiles: what is strong, and what is
+            to be believed, was measured on such distances. The same object where there are none.
     """
 
     coarse: CoarseChange
     views: tuple[CoarseChange, ...]
     ground: Ground
+    whole: CoarseChange
 
 
 def count_views(region: Segment, sight: Sight) -> tuple[int, int]:

@@ -87,6 +87,9 @@ class ChangeSettings:
     coarse_frames: Literal["t0", "both"] = setting(
         "both", "one map, of t0, carried over to t1; or one map for each photo", paper="t0"
     )
+    max_tiles: Annotated[int, Range(0, 4)] = setting(
+        0, "tiles of a pair, of four, that are encoded again, larger; 0 = off", paper=0
+    )
 
 
 @renamed_fields(OLD_NAMES)
