@@ -21,7 +21,7 @@ MAP = Path(__file__).parents[1] / "ARCHITECTURE.md"
 # Later may import earlier, never the other way round; parts of one row do not import each other.
 LAYERS = (
     ("arrays", "cache", "errors", "text", "renamed", "timer", "progress"),
-    ("output",),
+    ("output", "extras"),
     ("ledger", "settings", "device"),
     ("images",),  # the door and the grid: the geometry that all stages share
     ("records", "segments"),

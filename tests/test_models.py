@@ -13,6 +13,7 @@ from PIL import Image
 
 from zeroscd import models
 from zeroscd.errors import SettingsError, WeightsError
+from zeroscd.extras import EXTRAS
 from zeroscd.models import (
     ENCODERS,
     SEGMENTERS,
@@ -80,7 +81,7 @@ def test_a_missing_extra_is_noticed_before_anything_heavy_is_imported(
 ) -> None:
     for name in ("dinov2-b", "sam-vit-h"):
         pretend_present(folder, name)
-    monkeypatch.setattr("zeroscd.weights.backend.find_spec", lambda _: None)
+    monkeypatch.setattr("zeroscd.extras.find_spec", lambda _: None)
     start = time.process_time()
     with pytest.raises(SettingsError, match=r"pip install 'zeroscd\[models\]'"):
         load_models(PRESETS["dinov2-b"], device="cpu")
@@ -100,7 +101,7 @@ def test_what_is_missing_is_found_without_loading_what_is_there(
     with pytest.raises(SettingsError, match="unknown segmenter 'sam'"):
         check_models(Settings(segmenter="sam"))
     pretend_present(folder, "dinov2-s")
-    monkeypatch.setattr("zeroscd.weights.backend.find_spec", lambda _: None)
+    monkeypatch.setattr("zeroscd.extras.find_spec", lambda _: None)
     with pytest.raises(SettingsError, match="needs transformers"):
         check_models(Settings(encoder="dinov2-s"))
 
@@ -178,7 +179,7 @@ def loaders(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Loaders:
         pretend_present(folder, name)
     made = Loaders()
     monkeypatch.setattr(models, "import_module", made)
-    monkeypatch.setattr(models, "require_installed", lambda: None)
+    monkeypatch.setitem(EXTRAS, "models", ())
     return made
 
 

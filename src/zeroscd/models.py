@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from zeroscd.device import pick_device, pick_precision
 from zeroscd.errors import SettingsError
+from zeroscd.extras import require_extra
 from zeroscd.segmenters.old_port import by_new_names
 from zeroscd.text import unknown
-from zeroscd.weights.backend import require_installed
 from zeroscd.weights.catalogue import find
 from zeroscd.weights.store import require
 
@@ -147,7 +147,7 @@ def _weights_of(recipes: Sequence[Recipe]) -> list[str]:
 def _require(recipes: Sequence[Recipe]) -> None:
     require(_weights_of(recipes))
     if any(recipe.extra for recipe in recipes):
-        require_installed()
+        require_extra("models", by="this model")
 
 
 def _load(recipes: Sequence[Recipe], settings: Settings, *, device: str) -> list[Any]:

@@ -7,8 +7,9 @@ import pytest
 import torch
 from torch import nn
 
+from zeroscd import extras
 from zeroscd.cli.main import run
-from zeroscd.onnx import lite, packages
+from zeroscd.onnx import lite
 from zeroscd.onnx.network import OnnxNetwork
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def test_what_cannot_be_exported_is_one_line_and_writes_nothing(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(packages, "PACKAGES", ())
+    monkeypatch.setitem(extras.EXTRAS, "onnx", ())
     assert run(["export-onnx", *arguments, "-o", str(tmp_path / "out.onnx")]) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"error: {said}")
@@ -74,7 +75,7 @@ def test_without_the_packages_the_command_that_brings_them_is_told(
 ) -> None:
     there = importlib.util.find_spec
     monkeypatch.setattr(
-        packages, "find_spec", lambda name: None if name == "onnxscript" else there("json")
+        extras, "find_spec", lambda name: None if name == "onnxscript" else there("json")
     )
     assert run(["export-onnx", "lite", "-o", str(tmp_path / "out.onnx")]) == 2
     error = capsys.readouterr().err

@@ -126,7 +126,7 @@ def test_without_rasterio_it_says_what_to_install(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("zeroscd.geo.packages.find_spec", lambda name: None)
+    monkeypatch.setattr("zeroscd.extras.find_spec", lambda name: None)
     assert run(["geo", *rasters, "-o", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
-    assert "need rasterio, pyogrio; run: pip install 'zeroscd[geo]'" in error
+    assert "geo needs rasterio, pyogrio; run: pip install 'zeroscd[geo]'" in error

@@ -151,8 +151,9 @@ def test_a_radius_is_a_number_of_metres_on_earth(
 
 
 def test_a_folder_that_moved_is_said_to_have_moved(
-    old: Path, places: str, capsys: pytest.CaptureFixture[str]
+    old: Path, places: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("zeroscd.images.heif.is_available", lambda: False)
     moved = old.rename(old.with_name("moved"))
     (moved / "IMG_7.HEIC").touch()
     assert run(["index", "build", str(moved), "-o", places]) == 0

@@ -14,7 +14,7 @@ from filelock import FileLock
 
 pytest.importorskip("fastapi", reason="the server needs zeroscd[serve]")
 
-from zeroscd.cli import serve as command
+from zeroscd import extras
 from zeroscd.cli.main import run
 from zeroscd.serve import run as server
 from zeroscd.serve.run import Plan, clean_spool, listen
@@ -99,7 +99,7 @@ def test_a_missing_extra_says_what_to_install(
     plans: list[Plan], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
-        command, "find_spec", lambda name: None if name == "python_multipart" else find_spec(name)
+        extras, "find_spec", lambda name: None if name == "python_multipart" else find_spec(name)
     )
     assert run(["serve"]) == 2
     assert capsys.readouterr().err == (

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from zeroscd import extras
 from zeroscd.errors import DatasetError, OutputError, SettingsError
 from zeroscd.images.exif import Exif
-from zeroscd.retrieval import database
 from zeroscd.retrieval import store as module
 from zeroscd.retrieval.candidates import HEADING, Candidates, DateSpan
 from zeroscd.retrieval.database import is_index
@@ -286,7 +286,7 @@ def test_an_index_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 def test_without_lancedb_one_learns_what_to_install(
     address: str, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(database, "find_spec", lambda _: None)
+    monkeypatch.setattr(extras, "find_spec", lambda _: None)
     with pytest.raises(SettingsError, match=r"pip install 'zeroscd\[places\]'"):
         Store.open(address)
 

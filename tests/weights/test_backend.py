@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def test_a_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("zeroscd.weights.backend.find_spec", lambda _: None)
+    monkeypatch.setattr("zeroscd.extras.find_spec", lambda _: None)
     with pytest.raises(SettingsError, match=r"pip install 'zeroscd\[models\]'"):
         import_transformers()
 

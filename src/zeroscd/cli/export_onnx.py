@@ -28,10 +28,10 @@ def export_onnx(
     Example: zeroscd export-onnx lite -o lite.onnx
     """
     from zeroscd.bench import parse_size
-    from zeroscd.onnx.packages import require_packages
+    from zeroscd.extras import require_extra
 
     size_wh = None if size is None else parse_size(size)
-    require_packages()
+    require_extra("onnx", by="export-onnx")
     from zeroscd.onnx.catalogue import check_name, load
     from zeroscd.onnx.write import difference, random_inputs, to_onnx
     from zeroscd.output import write_whole

@@ -72,13 +72,13 @@ def geo(
     Example: zeroscd geo 2019.tif 2024.tif -o changes
     """
     set_audience(quiet=quiet, as_json=as_json)
-    from zeroscd.geo.packages import require_packages
+    from zeroscd.extras import require_extra
     from zeroscd.settings import preset as named
 
     overrides = parse_overrides(settings)
     named(preset).override(overrides)
     check_target(out)
-    require_packages()
+    require_extra("geo", by="geo")
     from zeroscd.cli.progress import Bar
     from zeroscd.geo.bands import parse_bands, parse_stretch
     from zeroscd.geo.files import GEOPACKAGE

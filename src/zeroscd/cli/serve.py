@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from importlib.util import find_spec
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
 from typing import Annotated
 
@@ -12,8 +11,7 @@ import typer
 from zeroscd.cli.console import busy, say
 from zeroscd.cli.options import Device, Overrides, parse_overrides
 from zeroscd.errors import SettingsError
-
-NEEDED = ("fastapi", "uvicorn", "python_multipart", "prometheus_client")
+from zeroscd.extras import require_extra
 
 
 def serve(
@@ -50,7 +48,7 @@ def serve(
 
     Example: zeroscd serve --port 8000
     """
-    require_installed()
+    require_extra("serve", by="serve")
     from zeroscd.serve.path_prefix import as_prefix
     from zeroscd.settings import preset as named
 
@@ -82,18 +80,6 @@ def serve(
         ),
         ready=lambda address: say(f"listening at {address} (Ctrl+C stops)"),
     )
-
-
-def require_installed() -> None:
-    """Check that the packages of the extra are there.
-
-    Raises:
-        SettingsError: One is not.
-    """
-    missing = [name for name in NEEDED if find_spec(name) is None]
-    if missing:
-        message = f"serve needs {missing[0].replace('_', '-')}; run: pip install 'zeroscd[serve]'"
-        raise SettingsError(message)
 
 
 def read_hosts(texts: list[str]) -> list[str]:

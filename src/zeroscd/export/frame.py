@@ -28,7 +28,7 @@ class CommonFrame:
         added: (H, W) carried here from the t1 photo.
         unknown: (H, W) not judged.
         unseen: (H, W) the part of it that only one photo shows.
-        heatmap: (H, W) descriptor distance.
+        distance: (h, w) descriptor distance, at the size the photos were compared at.
         from_t0: Carries pixels of the t0 photo here.
         from_t1: Carries pixels of the t1 photo here.
     """
@@ -39,7 +39,7 @@ class CommonFrame:
     added: Mask
     unknown: Mask
     unseen: Mask
-    heatmap: Map
+    distance: Map
     from_t0: Homography
     from_t1: Homography
 
@@ -47,6 +47,14 @@ class CommonFrame:
     def size_hw(self) -> tuple[int, int]:
         """Height and width in pixels."""
         return self.unknown.shape[0], self.unknown.shape[1]
+
+    @property
+    def heatmap(self) -> Map:
+        """Descriptor distance in pixels of this frame, (H, W): many megabytes of a large photo."""
+        height, width = self.size_hw
+        shrinks = self.distance.size > height * width
+        how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        return np.asarray(cv2.resize(self.distance, (width, height), interpolation=how))
 
     def carry(self, points_xy: PointsXy, *, frame: Frame) -> PointsXy:
         """Carry points of one of the photos here; both (N, 2)."""
@@ -72,7 +80,7 @@ def to_common_frame(result: Changes, *, longest_px: int | None = None) -> Common
         added=after.mask(result.added),
         unknown=in_frame.mask(result.unknown),
         unseen=in_frame.mask(result.unseen),
-        heatmap=in_frame(result.heatmap.astype(np.float32)),
+        distance=result.distance,
         from_t0=from_t0,
         from_t1=from_t1,
     )

@@ -23,8 +23,9 @@ HEAT_QUALITY = 75
 
 
 def _heat(view: CommonFrame) -> bytes:
-    end = colormap.scale_end(view.heatmap)
-    colours = colormap.apply_colormap(view.heatmap, unseen=view.unseen, end=end)
+    heatmap = view.heatmap
+    end = colormap.scale_end(heatmap)
+    colours = colormap.apply_colormap(heatmap, unseen=view.unseen, end=end)
     return jpeg(colours, quality=HEAT_QUALITY)
 
 

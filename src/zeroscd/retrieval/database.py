@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 import sqlite3
 from contextlib import closing, contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from zeroscd.errors import DatasetError, OutputError, SettingsError, ZeroscdError
+from zeroscd.errors import DatasetError, OutputError, ZeroscdError
+from zeroscd.extras import require_extra
 from zeroscd.text import one_line
 
 if TYPE_CHECKING:
@@ -49,9 +49,7 @@ def connect(address: str) -> Any:  # noqa: ANN401 - LanceDB's connection, import
     Raises:
         SettingsError: LanceDB is not installed.
     """
-    if find_spec("lancedb") is None:
-        message = "place indexes need LanceDB; run: pip install 'zeroscd[places]'"
-        raise SettingsError(message)
+    require_extra("places", by="a place index")
     import lancedb  # noqa: PLC0415 - a second; only place indexes need it
 
     return lancedb.connect(address)

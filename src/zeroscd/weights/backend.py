@@ -7,20 +7,10 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from zeroscd.errors import SettingsError
+from zeroscd.extras import require_extra
 
 if TYPE_CHECKING:
     from types import ModuleType
-
-
-def require_installed() -> None:
-    """Check that transformers is installed, without importing it.
-
-    Raises:
-        SettingsError: It is not.
-    """
-    if find_spec("transformers") is None:
-        message = "this model needs transformers; run: pip install 'zeroscd[models]'"
-        raise SettingsError(message)
 
 
 def import_transformers() -> ModuleType:
@@ -30,7 +20,7 @@ def import_transformers() -> ModuleType:
         SettingsError: It is not installed, or an installed torchvision breaks it (one that was
             built for another torch).
     """
-    require_installed()
+    require_extra("models", by="this model")
     if find_spec("torchvision") is not None:
         _check_torchvision()
     return importlib.import_module("transformers")
