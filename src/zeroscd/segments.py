@@ -100,3 +100,21 @@ class Segments:
             one = self.items[at]
             counts[at] = np.count_nonzero(one.crop() & mask[one.window])
         return counts
+
+
+def shared_px(a: Segment, b: Segment) -> int:
+    """Count the pixels that two segments share.
+
+    Example:
+        >>> a = Segment.from_mask(np.ones((2, 3), bool))
+        >>> shared_px(a, Segment.from_mask(np.ones((2, 3), bool), offset_xy=(2, 1)))
+        1
+    """
+    (ax, ay, aw, ah), (bx, by, bw, bh) = a.bbox_xywh, b.bbox_xywh
+    left, top = max(ax, bx), max(ay, by)
+    right, bottom = min(ax + aw, bx + bw), min(ay + ah, by + bh)
+    if right <= left or bottom <= top:
+        return 0
+    in_a = a.crop()[top - ay : bottom - ay, left - ax : right - ax]
+    in_b = b.crop()[top - by : bottom - by, left - bx : right - bx]
+    return int(np.count_nonzero(in_a & in_b))

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tests.watch.toy import SIZE_HW, seen, square, view
 
-from zeroscd.segments import Segment
+from zeroscd.segments import Segment, shared_px
 from zeroscd.watch.frames import FrameInfo
 from zeroscd.watch.pictures import FirstSight
-from zeroscd.watch.tracks import advance, covered, shared_px
+from zeroscd.watch.tracks import advance, covered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

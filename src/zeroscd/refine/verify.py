@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-import numpy as np
-
-from zeroscd.segments import Segment
+from zeroscd.segments import Segment, shared_px
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -77,19 +75,8 @@ def _best_ratio(
 
 def ratio(warped: Segment, other: Segment, *, verify: Literal["overlap", "iou"]) -> float:
     """Compare two segments in one frame; 0..1, 0 when they do not touch."""
-    shared_px = _intersection_px(warped, other)
+    both_px = shared_px(warped, other)
     whole_px = warped.area_px
     if verify == "iou":
-        whole_px += other.area_px - shared_px
-    return shared_px / whole_px
-
-
-def _intersection_px(a: Segment, b: Segment) -> int:
-    (ax, ay, aw, ah), (bx, by, bw, bh) = a.bbox_xywh, b.bbox_xywh
-    left, top = max(ax, bx), max(ay, by)
-    right, bottom = min(ax + aw, bx + bw), min(ay + ah, by + bh)
-    if right <= left or bottom <= top:
-        return 0
-    crop_a = a.crop()[top - ay : bottom - ay, left - ax : right - ax]
-    crop_b = b.crop()[top - by : bottom - by, left - bx : right - bx]
-    return int(np.count_nonzero(crop_a & crop_b))
+        whole_px += other.area_px - both_px
+    return both_px / whole_px

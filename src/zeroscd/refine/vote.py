@@ -49,14 +49,13 @@ def vote(
 
     Source: ZeroSCD, section III-E.
     """
+    areas_px = segments.areas_px
     if partial_segments == "visible":
-        known_px = segments.areas_px - segments.count(coarse.unknown)
+        known_px = areas_px - segments.count(coarse.unknown)
         changed_px = segments.count(coarse.changed & ~coarse.unknown)
     else:
-        known_px, changed_px = segments.areas_px, segments.count(coarse.changed)
-    gamma = np.where(
-        known_px > MIN_KNOWN * segments.areas_px, changed_px / np.maximum(known_px, 1), 0.0
-    )
+        known_px, changed_px = areas_px, segments.count(coarse.changed)
+    gamma = np.where(known_px > MIN_KNOWN * areas_px, changed_px / np.maximum(known_px, 1), 0.0)
     return [
         Flagged(segments.items[at], float(gamma[at]))
         for at in np.flatnonzero(gamma > alpha).tolist()

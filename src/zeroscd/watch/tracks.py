@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from zeroscd.segments import Segment
+from zeroscd.segments import Segment, shared_px
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -200,24 +200,6 @@ def _same_place(track: Track, other: Track) -> bool:
 
 def _iou(both_px: int, a: Segment, b: Segment) -> float:
     return both_px / (a.area_px + b.area_px - both_px)
-
-
-def shared_px(a: Segment, b: Segment) -> int:
-    """Count the pixels that two segments share.
-
-    Example:
-        >>> a = Segment.from_mask(np.ones((2, 3), bool))
-        >>> shared_px(a, Segment.from_mask(np.ones((2, 3), bool), offset_xy=(2, 1)))
-        1
-    """
-    (ax, ay, aw, ah), (bx, by, bw, bh) = a.bbox_xywh, b.bbox_xywh
-    left, top = max(ax, bx), max(ay, by)
-    right, bottom = min(ax + aw, bx + bw), min(ay + ah, by + bh)
-    if right <= left or bottom <= top:
-        return 0
-    in_a = a.crop()[top - ay : bottom - ay, left - ax : right - ax]
-    in_b = b.crop()[top - by : bottom - by, left - bx : right - bx]
-    return int(np.count_nonzero(in_a & in_b))
 
 
 def covered(segments: Sequence[Segment], *, share: float) -> Segment:
