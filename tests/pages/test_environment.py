@@ -35,7 +35,7 @@ def test_a_value_that_is_missing_is_an_error_and_no_gap() -> None:
 
 def test_nothing_in_an_asset_ends_the_element_that_holds_it() -> None:
     inside = set(re.findall(r'"(\w+\.(?:js|css))"', "".join(TEMPLATES.values())))
-    assert inside == {"style.css", "viewer.js", "survey.js", "refine_masks.js"}
+    assert inside == {"style.css", "viewer.js", "review.js", "survey.js", "refine_masks.js"}
     for name in inside:
         assert "</" not in asset(name)
         assert not re.search(r"url\(|@import|https?:", asset(name))

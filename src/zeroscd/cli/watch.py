@@ -48,8 +48,8 @@ def watch(
         str | None,
         typer.Option(
             metavar="N|Ns",
-            help="Look at each N-th frame only, or of a video at one each N seconds (2s); if not "
-            "given, at every photo, and each second of a video.",
+            help="Compare each N-th frame only, or of a video one each N seconds (2s); if not "
+            "given, every photo, and each second of a video.",
         ),
     ] = None,
     out: Annotated[
@@ -177,7 +177,7 @@ def load_place(references: Sequence[Path], given: Given, model: Mapping[str, Any
 
 
 def follow(watcher: Watcher, frames: Iterable[Frame], out: Path | None) -> None:
-    """Look at every frame and print what it settles, at once.
+    """Compare every frame and print its events, at once.
 
     Raises:
         OutputError: The pictures of a change cannot be written.

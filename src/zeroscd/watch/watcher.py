@@ -59,7 +59,7 @@ class Watcher:
         self._judged = 0.0
 
     def see(self, frame: Frame) -> list[Event]:
-        """Look at the next frame and return what it settles, in a stable order."""
+        """Compare the next frame and return its events, in a stable order."""
         if frame.photo is None and frame.unreadable is None:
             self._counts["skipped"] += 1
             return []
